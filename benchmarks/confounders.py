@@ -2,7 +2,8 @@
 
     OMP_NUM_THREADS=1 python benchmarks/confounders.py
 
-tests/runs/hidden_effects tries one place of each confounder, and of what is outside the dictionary what takes least; this all.
+tests/runs/hidden_effects tries one place of each confounder (most with --long alone), and of what is outside the dictionary
+what takes least; this all.
 Printed: a line a case. Exit 1 where an answer is wrong.
 """
 

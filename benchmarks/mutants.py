@@ -217,8 +217,6 @@ def ran(tree: Path, tests: list[str], seconds: float) -> tuple[int | None, str]:
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             return None, ""
-    if process.returncode > 2:
-        raise RuntimeError(f"pytest could not run: {told[-500:]}")
     first = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - |$)", told, re.MULTILINE)
     return process.returncode, first[1] if first else told[-200:]
 

@@ -28,13 +28,20 @@ LONGEST = ("second_cell/test_answers", "runs/hidden_effects/test_structure", "ru
            "forces/test_laws_time_alignment", "command_line/test_laws_growth", "command_line/test_init")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The files in LONGEST first, in that order; all others as they were."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """The files in LONGEST first, in that order; all others as they were. Without `--long` no test that is marked so."""
+    if not config.getoption("--long"):
+        long = [item for item in items if item.get_closest_marker("long")]
+        if long:
+            config.hook.pytest_deselected(items=long)
+            items[:] = [item for item in items if not item.get_closest_marker("long")]
     items.sort(key=lambda item: next((i for i, name in enumerate(LONGEST) if name in item.nodeid), len(LONGEST)))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--no-posix`: without what Windows does not have (tests/without_posix/removal.py)."""
+    """`--no-posix`: without what Windows does not have (tests/without_posix/removal.py). `--long`: with the tests that take
+    long and tell what a faster one tells in small."""
+    parser.addoption("--long", action="store_true", help="with the tests that take long and seldom tell anything")
     parser.addoption("--no-posix", action="store_true", help="take fcntl, fork, POSIX signals and renames over open files away")
 
 

@@ -110,7 +110,7 @@ def noticed_from(
             differs = LAW_SHARE if uncertain(entry.effect) else 0.0
             size = beside.noticed_from(k, asked / unit * SIZES, strength, asked, differs)
         shape = dictionary.signatures[middle]
-        moved = np.linalg.norm((shape.rows[:, :3] * shape.scale) @ way, axis=1).max()
+        moved = np.linalg.norm((shape.rows * shape.scale) @ way, axis=1).max()
         found.append(Showing(entry, size, dictionary.amplitude(entry.signatures.start), size * float(moved), weighed))
     return tuple(found)
 

@@ -225,7 +225,7 @@ class Procedure:
         if clear is not None:
             return replace(judgement, verdict="mistake", mistakes=(clear,))
         # The parts of the noise that came in for want of a cause must not hide it from the search.
-        usual = posterior(plain.data, (), plain, usual_noise=True)
+        usual = plain.with_usual_noise
         found = self.searched(usual)
         if not found.enough or found.best is None:
             # Nor must parts that there are and that have grown, which they do without end where the cause is large.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import NoiseModel
+from identification.fit.noise import OF_ROWS, NoiseModel
 from identification.fit.own_noise import inverse_of_three
 
 Array = NDArray[np.float64]
@@ -34,10 +34,13 @@ class NoiseGram:
         model, columns, q = self._model, self._columns, self._count
         shares = columns.shape[2] > q and bool(model.loading.any())
         columns = columns if shares else columns[:, :, :q]
-        own = model.own(values, self._row_weight)
-        gram, summed = own.grams(columns, q, model.visit)
+        # What visits share (their offsets, their set-ups) is no part of the rows' own noise, which is the same for many.
+        different, which = np.unique(values[:, OF_ROWS], axis=0, return_index=True, return_inverse=True)[1:]
+        own = model.own(values[different], self._row_weight)
+        gram, summed = (part[which.ravel()] for part in own.grams(columns, q, model.visit))
+        log_determinant = own.log_determinant[which.ravel()]
         if not shares:
-            return gram, own.log_determinant
+            return gram, log_determinant
         scale = model.loading_scale(values)[:, None, :, None]                                                  # (S, 1, r, 1)
         # Woodbury, so written that a part of no size stays finite, as in NoiseModel.weights.
         inner = np.eye(columns.shape[2] - q) + scale * summed[..., q:] * np.swapaxes(scale, 2, 3)
@@ -46,7 +49,7 @@ class NoiseGram:
         # All visits in one product: one by one they would hold (q, q) numbers each.
         stacked = scaled.reshape(len(gram), scaled.shape[1] * scaled.shape[2], q)
         gram = gram - stacked.swapaxes(1, 2) @ (inverse @ scaled).reshape(stacked.shape)
-        return gram, own.log_determinant + log_inner.sum(axis=1)
+        return gram, log_determinant + log_inner.sum(axis=1)
 
 
 def _inverse(matrix: Array) -> tuple[Array, Array]:

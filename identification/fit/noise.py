@@ -111,6 +111,8 @@ class VarianceComponents:
 
 PARTS = ("sensor", "force", "absolute", "offset", "setup", "memory")
 SENSOR, FORCE, ABSOLUTE, OFFSET, SETUP, MEMORY = range(6)
+# The parts of the noise that a row has by itself and by the one before.
+OF_ROWS = (SENSOR, FORCE, ABSOLUTE, MEMORY)
 # Parts that need not be there at all: no file states them.
 OPTIONAL = (SETUP, MEMORY)
 

@@ -62,15 +62,15 @@ class RowsAlone:
 @dataclass(frozen=True, eq=False)
 class RememberingRows:
     """Rows whose sensor remembers, for S noises. steps: the rows at each place of their stretch, (m_t,), the longest stretches
-    first; inverse (S, m_t, 3, 3) of the innovations' covariance at each, gain (S, m_t, 3, 3) of the filter; seen (n, 3): what
-    was measured; root (n,) of the row weights."""
+    first; whitening (S, m_t, 3, 3) of the innovations at each, gain (S, m_t, 3, 3) of the filter; seen (n, 3): what was
+    measured; root (n,) of the row weights."""
 
     steps: tuple[Indices, ...]
     seen: Array
     root: Array
     rho: Array
     log_determinant: Array
-    inverse: list[Array] = field(repr=False)
+    whitening: list[Array] = field(repr=False)
     gain: list[Array] = field(repr=False)
 
     @classmethod
@@ -78,50 +78,56 @@ class RememberingRows:
            steps: tuple[Indices, ...]) -> RememberingRows:
         """As `RowsAlone.of`, with a memory rho (S,)."""
         size, kept = sensor[:, None, None, None] ** 2 * EYE, rho[:, None, None, None]
-        seen, inverses, gains = measured.astype(float), [], []
+        seen, whole = measured.astype(float), bool(measured.all())
+        if not whole:
+            # A component that was not measured is one of variance 1 that nothing goes with.
+            own = own * (seen[:, :, None] * seen[:, None, :]) + (1.0 - seen)[:, :, None] * EYE
         log_determinant = np.zeros(len(sensor)) - float(np.sum(measured * np.log(row_weight)[:, None]))
-        covariance = np.repeat(size, len(steps[0]), axis=1)
+        covariance, fresh = np.repeat(size, len(steps[0]), axis=1), (1.0 - kept**2) * size
+        whitenings, gains = [], []
         for rows in steps:
-            here = seen[rows]
-            mask = here[:, :, None] * here[:, None, :]
             covariance = covariance[:, : len(rows)]
-            inverse, determinant = inverse_of_three(covariance * mask + own[:, rows] * mask + (1.0 - here)[:, :, None] * EYE)
+            met = covariance if whole else seen[rows][:, :, None] * covariance
+            whitening, determinant = whitening_of_three(own[:, rows] + (met if whole else met * seen[rows][:, None, :]))
             log_determinant += np.log(determinant).sum(axis=1)
-            gain = (covariance * here[:, None, :]) @ inverse
-            covariance = kept**2 * (covariance - gain @ (here[:, :, None] * covariance)) + (1.0 - kept**2) * size
-            inverses.append(inverse)
-            gains.append(kept * gain * here[:, None, :])
-        return cls(steps, seen, np.sqrt(row_weight), rho, log_determinant, inverses, gains)
+            white = whitening @ met
+            carried = white.swapaxes(2, 3)
+            covariance = kept**2 * (covariance - carried @ white) + fresh
+            whitenings.append(whitening)
+            gains.append(kept * (carried @ whitening))
+        return cls(steps, seen, np.sqrt(row_weight), rho, log_determinant, whitenings, gains)
 
-    def _innovations(self, columns: Array) -> Iterator[Array]:
-        """Innovations (S, m_t, 3, q) of columns (n, 3, q), place by place."""
+    def _white(self, columns: Array) -> Iterator[Array]:
+        """The innovations (S, m_t, 3, q) of columns (n, 3, q), whitened, place by place."""
         columns = columns * (self.root[:, None] * self.seen)[:, :, None]
-        kept = self.rho[:, None, None, None]
+        kept, whole = self.rho[:, None, None, None], bool(self.seen.all())
         state = np.zeros((len(self.rho), len(self.steps[0]), *columns.shape[1:]))
-        for rows, gain in zip(self.steps, self.gain, strict=True):
+        for rows, whitening, gain in zip(self.steps, self.whitening, self.gain, strict=True):
             state = state[:, : len(rows)]
-            innovation = columns[rows] - self.seen[rows][:, :, None] * state
-            yield innovation
-            state = kept * state + gain @ innovation
+            innovation = columns[rows] - (state if whole else self.seen[rows][:, :, None] * state)
+            both = np.concatenate([whitening, gain], axis=2) @ innovation
+            yield both[:, :, :3]
+            state *= kept
+            state += both[:, :, 3:]
 
     def grams(self, columns: Array, q: int, visit: Indices) -> tuple[Array, Array]:
         """As `RowsAlone.grams`."""
-        size, width = len(self.rho), columns.shape[2]
-        gram, products = np.zeros((size, q, q)), np.zeros((size, len(self.steps[0]), width - q, width))
-        for inverse, innovation in zip(self.inverse, self._innovations(columns), strict=True):
-            weighted = inverse @ innovation
-            gram += _flat(innovation[..., :q]) @ _flat(weighted[..., :q]).swapaxes(1, 2)
-            products[:, : innovation.shape[1]] += innovation[..., q:].swapaxes(2, 3) @ weighted
-        by_visit = np.zeros((int(visit.max()) + 1, size, width - q, width))
-        np.add.at(by_visit, visit[self.steps[0]], products.swapaxes(0, 1))
-        return gram, by_visit.swapaxes(0, 1)
+        size, (n, _, width) = len(self.rho), columns.shape
+        placed = np.empty((size, n, 3, width))
+        for rows, innovation in zip(self.steps, self._white(columns), strict=True):
+            placed[:, rows] = innovation
+        white = placed.reshape(size, 3 * n, width)
+        left = white[:, :, :q]
+        ends = 3 * np.append(0, np.cumsum(np.bincount(visit)))
+        products = [white[:, start: end, q:].swapaxes(1, 2) @ white[:, start: end] for start, end in pairwise(ends)]
+        return left.swapaxes(1, 2) @ left, np.stack(products, axis=1)
 
     def solve(self, columns: Array) -> Array:
         """Sigma^-1 columns (n, 3, q), of the first noise."""
         solved = np.empty(columns.shape)
         back = np.zeros((0, *columns.shape[1:]))
-        weighted = [inverse[0] @ innovation[0] for inverse, innovation in zip(
-            self.inverse, self._innovations(columns), strict=True)]
+        weighted = [whitening[0].swapaxes(1, 2) @ white[0] for whitening, white in zip(
+            self.whitening, self._white(columns), strict=True)]
         for rows, gain, value in zip(reversed(self.steps), reversed(self.gain), reversed(weighted), strict=True):
             here = self.seen[rows][:, :, None]
             back = np.concatenate([back, np.zeros((len(rows) - len(back), *columns.shape[1:]))])
@@ -129,11 +135,6 @@ class RememberingRows:
             solved[rows] = value * here * self.root[rows][:, None, None]
             back = here * value + self.rho[0] * back
         return solved
-
-
-def _flat(columns: Array) -> Array:
-    """Columns (S, m, 3, q) as (S, q, 3 m)."""
-    return columns.reshape(len(columns), -1, columns.shape[3]).swapaxes(1, 2)
 
 
 def stretches(visit: Indices, longest: int) -> tuple[Indices, ...]:
@@ -153,17 +154,32 @@ def inverse_of_three(matrix: Array) -> tuple[Array, Array]:
     By their factors L D L^T. Cofactors would lose the determinant where the force error is 1e4 times the sensor's; this holds
     to 1e7 times.
     """
+    (first, second, third), (low, corner, lowest) = _factors(matrix)
+    last, beside = 1 / third, lowest / third
+    middle = 1 / second + lowest * beside
+    edge, top = corner * last, low / second + corner * beside
+    whole = 1 / first + low * low / second + corner * edge
+    inverse = np.stack([whole, top, edge, top, middle, beside, edge, beside, last], axis=-1)
+    return np.asarray(inverse.reshape(matrix.shape)), first * second * third
+
+
+def whitening_of_three(matrix: Array) -> tuple[Array, Array]:
+    """R (..., 3, 3), lower triangular, with R^T R the inverse of symmetric positive definite matrices, and their determinant
+    (...), as `inverse_of_three` does."""
+    diagonal, (low, corner, lowest) = _factors(matrix)
+    root = np.zeros(matrix.shape)
+    for row, size in enumerate(diagonal):
+        root[..., row, row] = 1 / np.sqrt(size)
+    root[..., 1, 0] = low * root[..., 1, 1]
+    root[..., 2, 0], root[..., 2, 1] = corner * root[..., 2, 2], lowest * root[..., 2, 2]
+    return root, diagonal[0] * diagonal[1] * diagonal[2]
+
+
+def _factors(matrix: Array) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:
+    """D (3) of symmetric matrices L D L^T, and of the inverse of L what stands below its diagonal of ones: at 10, 20, 21."""
     first, low, lower = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 0, 2]
     a, b = low / first, lower / first                       # L: 1; a 1; b c 1
     second = matrix[..., 1, 1] - a * low
     left = matrix[..., 1, 2] - a * lower
     c = left / second
-    third = matrix[..., 2, 2] - b * lower - c * left
-    # The inverse of L: 1; -a 1; corner -c 1.
-    corner = a * c - b
-    last, beside = 1 / third, -c / third
-    middle = 1 / second - c * beside
-    edge, top = corner * last, -a / second + corner * beside
-    whole = 1 / first + a * a / second + corner * edge
-    inverse = np.stack([whole, top, edge, top, middle, beside, edge, beside, last], axis=-1)
-    return np.asarray(inverse.reshape(matrix.shape)), first * second * third
+    return (first, second, matrix[..., 2, 2] - b * lower - c * left), (-a, a * c - b, -c)

@@ -119,6 +119,11 @@ class Posterior:
         stated = noise.weights(VarianceComponents().with_values(np.array([1.0, *noise.stated[1:]])))
         return float(stated.inner(column, column)[0, 0])
 
+    @cached_property
+    def with_usual_noise(self) -> Posterior:
+        """The posterior from the same rows without the parts of the noise that come in only where the rows ask for them."""
+        return posterior(self.data, self.terms, self, usual_noise=True)
+
     @property
     def readings(self) -> int:
         """Measured components of deflections."""

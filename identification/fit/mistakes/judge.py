@@ -80,12 +80,12 @@ class NamedMistake:
         """JSON values."""
         candidate = self.candidate
         where = np.ones(len(candidate.data.rows), dtype=bool) if candidate.rows is None else candidate.rows
-        numbers = candidate.data.rows.row[where]
+        numbers, size = candidate.data.rows.row[where], candidate.found
         return {
             "mistake": self.key, "of": candidate.mistake.of, "sentence": self.sentence, "probability": self.probability,
             "rows": int(where.sum()), "first_row": int(numbers.min()), "last_row": int(numbers.max()),
-            "parameters": {name: {"estimate": value, "std": std, "unit": candidate.units}
-                           for name, (value, std) in candidate.sizes.items()},
+            "parameters": {name: {"estimate": value, "std": std, "unit": size.size.units}
+                           for name, (value, std) in size.shown().items()} if size else {},
             "log_bayes_factor": self.support, "explained": self.explained, "tried": self.tried,
             "held_out_rms_um": [1e6 * self.before, 1e6 * self.after], "settles": candidate.mistake.settles,
         }
@@ -141,7 +141,7 @@ def beyond_the_fit(plain: Posterior) -> NamedMistake | None:
     if mistake is None:
         return None
     held = left_out(plain, poses(plain.data.rows))
-    unseen = Candidate(mistake, plain.data, None, (plain,), 0.0, held, {})
+    unseen = Candidate(mistake, plain.data, None, (plain,), 0.0, held)
     return NamedMistake(unseen, probability, 0.0, 0.0, rms(held), rms(held), 1)
 
 
@@ -160,7 +160,7 @@ def mistakes_in(plain: Posterior) -> Mistakes:
     rivals = [each for each in found.candidates if each.log_posterior > best + RIVAL]
     possible = () if rivals else tuple(each for each in good if each.candidate.log_posterior > best - RIVAL)
     sure = None
-    if len(possible) == 1 and _is_gross(found.plain) and possible[0].candidate.moved is None and len(
+    if len(possible) == 1 and _is_gross(found.plain) and possible[0].candidate.found is None and len(
             possible[0].candidate.models) == 1 and possible[0].explained >= NEARLY_ALL and possible[0].support >= SURE and (
             not possible[0].candidate.mistake.like_physics):
         sure = possible[0]
@@ -174,11 +174,10 @@ def _is_gross(plain: Posterior) -> bool:
 def _named(found: Search, candidate: Candidate, enough: float = SUPPORT) -> NamedMistake | None:
     """The candidate with what speaks for it; None where that is not enough."""
     plain = found.plain
-    support = candidate.log_posterior - found.log_evidence
-    small = candidate.moved is not None and (candidate.moved < 1 or (candidate.sigmas or 0.0) < KNOWN)
+    support, size = candidate.log_posterior - found.log_evidence, candidate.found
     # Springs that change along the file may as well be gears that warm up: two robots differ by more.
     slight = len(candidate.models) > 1 and not _is_gross(plain)
-    if support < enough or small or slight:
+    if support < enough or slight or (size is not None and (size.moved < 1 or size.sigmas < KNOWN)):
         return None
     explained = _explained(plain, candidate)
     held = left_out(plain, poses(plain.data.rows))

@@ -7,6 +7,7 @@ counted: the prior of a mistake is shared out over those that were tried.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,22 +46,55 @@ PART = -np.log(4.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
-    """A mistake that mends something; data: the rows as they are. rows (n,): where it stands, None in all. models: the fit of
-    the mended rows, two where the rows are of two robots. log_posterior: ln evidence and ln prior. sizes: name ->
-    (estimate, std) of one with a size, in `units`. left (n, 3) [m]: residual of each pose predicted from the others. moved: the
-    norm of its size over the smallest worth a name, None without one; sigmas: over its own uncertainty."""
+class FoundSize:
+    """The size of a mistake that has one. values (P,), of which the model tells what is beyond its start."""
 
-    mistake: Mistake
+    size: Size
+    joint: int | None
+    values: Array
+    model: Posterior
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviations (P,) of the values."""
+        return np.sqrt(np.diag(self.model.covariance)[EFFECTS])
+
+    @property
+    def moved(self) -> float:
+        """The norm of the values over the smallest worth a name."""
+        return float(np.linalg.norm(self.values)) / self.size.smallest
+
+    @property
+    def sigmas(self) -> float:
+        """The size over its own uncertainty."""
+        covariance = self.model.covariance[EFFECTS, EFFECTS]
+        return float(np.sqrt(self.values @ np.linalg.solve(covariance, self.values)))
+
+    def shown(self) -> dict[str, tuple[float, float]]:
+        """name -> (estimate, std), in the units of docs/formats.md."""
+        each = zip(self.size.parameters, self.size.shown(self.values), self.size.shown(self.std), strict=True)
+        return {parameter.name: (float(value), float(spread)) for parameter, value, spread in each}
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A mistake that mends something; guessed: as the quick look has it; data: the rows as they are. rows (n,): where it
+    stands, None in all. models: the fit of the mended rows, two where the rows are of two robots. log_posterior: ln evidence
+    and ln prior. left (n, 3) [m]: residual of each pose predicted from the others. found: of one with a size."""
+
+    guessed: Mistake
     data: LoadTest
     rows: NDArray[np.bool_] | None
     models: tuple[Posterior, ...]
     log_posterior: float
     left: Array
-    sizes: dict[str, tuple[float, float]]
-    units: str = ""
-    moved: float | None = None
-    sigmas: float | None = None
+    found: FoundSize | None = None
+
+    @cached_property
+    def mistake(self) -> Mistake:
+        """The mistake, with its size and how well that is known; most candidates are never asked."""
+        found = self.found
+        return found.size.mistake(self.data, found.joint, found.values, found.std) if found else self.guessed
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +139,7 @@ def _hopeful(plain: Posterior, sized: tuple[_Guess, ...]) -> list[_Guess]:
         return []
     usual = plain
     if any(plain.at_map.noise.active[part] for part in OPTIONAL):
-        usual = posterior(plain.data, plain.terms, plain, usual_noise=True)
+        usual = plain.with_usual_noise
     weights = usual.at_map.noise.weights(ordinary(usual), usual.at_map.row_weight)
     support = [_support_near_none(usual, weights, guess) for guess in sized]
     best: dict[str, _Guess] = {}
@@ -350,7 +384,7 @@ def _fitted(plain: Posterior, guess: _Guess) -> Candidate | None:
     mended = slice(None) if guess.rows is None else guess.rows
     volume = float((~np.isnan(data.rows.deflection[mended]) * np.log(guess.mistake.scale)).sum())
     evidence = sum(log_evidence(model) for model in models) + volume + lost
-    return Candidate(guess.mistake, data, guess.rows, models, evidence + guess.log_prior, left / guess.mistake.scale, {})
+    return Candidate(guess.mistake, data, guess.rows, models, evidence + guess.log_prior, left / guess.mistake.scale)
 
 
 def _support_near_none(plain: Posterior, weights: Weights, guess: _Guess) -> float:
@@ -387,12 +421,8 @@ def _with_size(plain: Posterior, guess: _Guess) -> Candidate:
         mended = size.mistake(data, guess.joint, moved, moved).mended(data)
         model = posterior(mended, [size.term(guess.joint, np.zeros(len(moved)))], model)
     off, width = model.map[EFFECTS], model.prior.term_std
-    values, std = moved + off, np.sqrt(np.diag(model.covariance)[EFFECTS])
+    values = moved + off
     # The prior of the size is about none, wherever the second fit began.
     prior = guess.log_prior + 0.5 * float(np.sum((off / width) ** 2 - (values / width) ** 2))
-    mistake = size.mistake(data, guess.joint, values, std)
-    shown = zip(size.parameters, size.shown(values), size.shown(std), strict=True)
-    return Candidate(mistake, data, None, (model,), log_evidence(model) + prior, left_out(model, poses(data.rows)),
-                     {parameter.name: (float(value), float(spread)) for parameter, value, spread in shown}, size.units,
-                     float(np.linalg.norm(values)) / size.smallest,
-                     float(np.sqrt(values @ np.linalg.solve(model.covariance[EFFECTS, EFFECTS], values))))
+    return Candidate(guess.mistake, data, None, (model,), log_evidence(model) + prior, left_out(model, poses(data.rows)),
+                     FoundSize(size, guess.joint, values, model))

@@ -100,3 +100,22 @@ def test_a_stretch_before_a_gap_in_the_cut_tells_nothing_of_the_corner() -> None
     offset[:3, 0] = -500e-6
     found = held(offset, EARLY, PUSHED_BACK, Rotation.identity(), (3,))
     np.testing.assert_allclose(found[5:10, 0], -60e-6 - SIGMA * 0.6, atol=1e-12)
+
+
+def test_an_outer_corner_does_not_end_the_search_for_inner_ones() -> None:
+    """A step in front of the path of the other tests, whose corner has no wall behind it: what is held is the same."""
+    places = np.concatenate([[[-1e-3, -2e-4 * k, 0.0] for k in (5, 4, 3, 2, 1)],
+                             [[-1e-3 + 2e-4 * k, 0.0, 0.0] for k in range(5)],
+                             [[2e-4 * min(k, CORNER), 2e-4 * max(k - CORNER, 0), 0.0] for k in range(COUNT)]])
+    count = len(places)
+    path = SimpleNamespace(
+        toolpath=Lines(np.full(count, Move.LINEAR), np.zeros(count)), rest_from_tcp=SimpleNamespace(position=places),
+        length=np.append(0.0, np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))), world_position=places)
+    offset = np.concatenate([np.tile([0.0, -80e-6, 0.0], (5, 1)), np.tile(OFFSET[0], (5, 1)), OFFSET])
+    stood = np.tile([EARLY, 0.0, 0.0], (count, 1))
+    stood[8:] = [0.0, EARLY, 0.0]
+    force = np.tile([0.0, 90.0, 0.0], (count, 1))
+    force[8:] = PUSHED_BACK
+    found = held_before_the_wall(cast(Any, path), np.arange(count), offset, np.full(count, SIGMA), stood, force, None)
+    np.testing.assert_allclose(found[10:], held(OFFSET, EARLY, PUSHED_BACK, Rotation.identity()), atol=1e-12)
+    np.testing.assert_array_equal(found[:10], offset[:10])

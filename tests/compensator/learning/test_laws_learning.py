@@ -283,14 +283,25 @@ def test_a_remainder_of_the_wrong_sign_is_seen_on_what_was_left_out(wrong: float
     assert (found.better < -2) == (wrong < 0)
 
 
-@pytest.mark.parametrize("number", [1, CHUNK + 2])
-def test_of_a_direction_that_nobody_measured_all_is_unseen_at_every_target(number: int) -> None:
+def test_where_nothing_was_learned_of_the_remainder_nothing_is_added() -> None:
+    """Neither a displacement nor an uncertainty, wherever a program goes."""
+    position, theta, _ = path(5)
+    frame = JobFrame(Frame(np.eye(3), np.zeros(3)), np.zeros(3), 1.0, 1.0)
+    learned = Learned(np.zeros(6), np.zeros(15), 1e-12 * np.eye(15), frame)
+    basis = learned.remainder.basis(position, theta)
+    assert basis.shape == (5, 0)
+    assert not learned._unseen(basis).any()
+
+
+@pytest.mark.parametrize(("number", "told", "untold"), [(1, 0.01, 1.0), (CHUNK + 2, 0.01, 1.0), (3, 0.2, 0.3)])
+def test_of_a_direction_that_nobody_measured_all_is_unseen_at_every_target(number: int, told: float, untold: float) -> None:
     """The places were measured along x and y, and never along z: there the process is as wide as before anything was
-    measured, at the first target as at the last, and along x and y as wide as what the places leave of it."""
+    measured, at the first target as at the last, and along x and y as wide as what the places leave of it. A direction is
+    measured where a quarter of the variance is left at most."""
     amplitude, (position, theta, _) = 20e-6, path(40)
     chosen = spread_out(position, theta, 0.03, 8)
     remainder = Remainder(position[chosen], theta[chosen], 0.03, amplitude)
-    weights = np.tile([0.01, 0.01, 1.0], len(chosen)) * amplitude**2
+    weights = np.tile([told, told, untold], len(chosen)) * amplitude**2
     covariance = np.diag([*np.full(6 + SETUP + DRIFT, 1e-12), *weights])
     learned = Learned(np.zeros(6), np.zeros(len(covariance)), covariance,
                       JobFrame(Frame(np.eye(3), np.zeros(3)), np.zeros(3), 1.0, 1.0), remainder)
@@ -300,5 +311,5 @@ def test_of_a_direction_that_nobody_measured_all_is_unseen_at_every_target(numbe
                              stretched(position[chosen], theta[chosen], 0.03)) @ np.linalg.inv(matern(
         *(stretched(position[chosen], theta[chosen], 0.03),) * 2)) * matern(
         stretched(position[at] + [0, 0, 5e-3], theta[at], 0.03), stretched(position[chosen], theta[chosen], 0.03)), axis=1)
-    expected = amplitude**2 * (left[:, None, None] * np.diag([1.0, 1, 0]) + np.diag([0, 0, 1.0]))
+    expected = amplitude**2 * (left[:, None, None] * np.eye(3) + untold * (1 - left)[:, None, None] * np.diag([0, 0, 1.0]))
     assert np.allclose(learned._unseen(basis), expected, atol=1e-4 * amplitude**2)

@@ -68,3 +68,12 @@ def test_lines_and_identifiers_are_within_what_rapid_takes():
     assert module.isascii()
     assert max(len(name) for name in re.findall(r"[A-Za-z]\w*", module)) <= 32
     assert all(len(string) <= 80 for string in re.findall(r'"([^"]*)"', module))
+
+
+@pytest.mark.parametrize(("name", "module"), [
+    ("roof_12", "roof_12"), ("12_roof", "M12_roof"), ("_roof", "M_roof"), ("part-1.2 left", "part_1_2_left"),
+    ("D\u00e4chle", "D_chle"), ("\u0663", "M_"), ("", "M"), ("a" * 40, "a" * 32), ("7" * 40, "M" + "7" * 31)])
+def test_any_name_is_an_identifier_of_rapid(name: str, module: str) -> None:
+    """A letter first, then letters, digits and _, at most 32; letters of other alphabets are none to RAPID."""
+    written = receiver_text([random_table(3, 3)], 2e-3, name, "offsets.csv", corrwrite=False)
+    assert re.search(r"^MODULE (\S+)", written, re.MULTILINE)[1] == module      # type: ignore[index]

@@ -122,6 +122,7 @@ def test_the_pool_is_of_ordinary_postures_with_runs_of_every_group(domain, prior
     assert reaching_back(beside, kept.theta)[kept.slot == 1].all()
 
 
+@pytest.mark.long
 def test_rows_measured_before_count(task, found, cell):
     """The same runs again tell less that is new than runs that are chosen after them."""
     plan, worth = found

@@ -170,3 +170,18 @@ def test_a_name_says_what_may_hide_beside_it(tmp_path: Path) -> None:
     assert usual == pytest.approx(1.0, abs=0.15)
     assert later["link_bending[2]"] > 1.25 * usual
     assert f"of {len(beside)} other possible causes" in "\n".join(found.lines())
+
+
+def test_how_far_it_moves_the_tool_is_how_far_its_law_does(tmp_path: Path) -> None:
+    """The tool's position in the row in which it moves most; how it turns is no micrometres."""
+    cell_file, table = simulate(0, "poses20").write(tmp_path)
+    cell = read_cell(cell_file)
+    fit = posterior(LoadTest.of(cell, read_measurements(table, cell.robot)))
+    state, catalogue = fit.load_state, {name: effects()[name] for name in (
+        "backlash", "bearing_tilt", "force_gain", "force_sensor_compliance", "spindle_compliance", "wrist_coupling")}
+    told = {each.entry.label: each for each in showing(fit, catalogue, 3.0)}
+    for label in ("backlash[1]", "backlash[5]", "bearing_tilt[2]", "force_gain", "force_sensor_compliance", "wrist_coupling"):
+        effect, joint = told[label].entry.effect, told[label].entry.joint
+        moved = effect.contribution(state, joint, effect.neutral(state) + told[label].typical)
+        assert told[label].typical_largest == pytest.approx(np.linalg.norm(moved[:, :3], axis=1).max(), rel=1e-9)
+        assert told[label].largest == pytest.approx(told[label].size * told[label].typical_largest)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +17,9 @@ from scipy.optimize import minimize
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes import judge
 from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
+from identification.fit.mistakes.first_look import first_look
 from identification.fit.mistakes.joints import joint_mistakes
-from identification.fit.mistakes.judge import common_factor_findings, mistakes_in
+from identification.fit.mistakes.judge import Mistakes, common_factor_findings, mistakes_in
 from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
 from identification.fit.mistakes.search import search
 from identification.fit.mistakes.sizes import SIZES, JointZero, ReferenceLoad, Size, ToolOffset
@@ -198,3 +201,31 @@ def test_mistakes_of_a_size_are_told_from_where_the_documentation_says() -> None
         r"the TCP elsewhere \(from (\S+) mm\)", r"a joint's zero \(from (\S+) degrees\)", r"taken under load \(from (\S+) N\)")]
     sizes = [float(found.group(1)) for found in said if found]
     np.testing.assert_allclose([1e3 * ToolOffset.smallest, np.degrees(JointZero.smallest), ReferenceLoad.smallest], sizes)
+
+
+@pytest.mark.parametrize(("rows", "said"), [(2, False), (3, True)])
+def test_a_tool_that_moves_without_a_load_is_said_from_the_third_row_on(data: LoadTest, rows: int, said: bool) -> None:
+    """One or two such rows may be a slip of their own."""
+    loaded = data.rows.select(np.any(data.rows.wrench != 0, axis=1))
+    wrench = loaded.wrench.copy()
+    wrench[np.argsort(-np.linalg.norm(np.nan_to_num(loaded.deflection), axis=1))[:rows]] = 0.0
+    found = first_look(data.with_rows(replace(loaded, wrench=wrench)))
+    assert (found is not None and "in rows without a load, too" in found.message) is said
+
+
+def test_a_mistake_stands_against_physics_by_its_odds() -> None:
+    """Twenty to one (ln 3) for either, alone where it is the only one; one that is slight stands beside a name alone."""
+    def named(log_posterior: float) -> Any:
+        return SimpleNamespace(candidate=SimpleNamespace(log_posterior=log_posterior))
+
+    nothing: Any = None
+    one, two, slight = ([named(10.0)], [named(10.0), named(9.0)], [named(10.0)])
+    alone, pair = (Mistakes(nothing, tuple(possible), None) for possible in (one, two))
+    assert [alone.clearly(physics) for physics in (6.9, 7.1)] == [True, False]
+    assert not pair.clearly(0.0)
+    assert [alone.against(physics, False) for physics in (12.9, 13.1)] == [tuple(one), ()]
+    assert pair.against(12.9, True) == tuple(two)
+    beside = Mistakes(nothing, (), None, tuple(slight))
+    assert [beside.against(0.0, name) for name in (True, False)] == [tuple(slight), ()]
+    assert not beside.clearly(0.0)
+    assert Mistakes(nothing, (), None).against(-np.inf, True) == ()

@@ -75,20 +75,25 @@ def run(seed: int, *hidden: Hidden, design: str = "ladder12", straight_tool: boo
 
 @dataclass(frozen=True)
 class Place:
-    """Where the ladder design can see an effect, and what else looks most like it there."""
+    """Where the ladder design can see an effect, and what else looks most like it there. long: a faster test, of the desk's
+    load tests or the second cell's, names this effect, too."""
 
     hidden: Hidden
     seed: int
     confounder: Hidden
+    long: bool = False
 
     @property
     def label(self) -> str:
         return label(self.hidden.effect, self.hidden.joint)
 
 
-def place(effect: str, joint: int | None, seed: int, confounder: str, at: int | None = None, factor: float = 1.5) -> Place:
+def place(
+    effect: str, joint: int | None, seed: int, confounder: str, at: int | None = None, factor: float = 1.5,
+    long: bool = False,
+) -> Place:
     """A place; the confounder is hidden at the same joint where `at` does not say otherwise."""
-    return Place(Hidden(effect, joint, factor), seed, Hidden(confounder, at, factor))
+    return Place(Hidden(effect, joint, factor), seed, Hidden(confounder, at, factor), long)
 
 
 def check_answer(content: Mapping[str, Any]) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.runs.hidden_effects.hide_and_diagnose import Place, run
-from tests.runs.hidden_effects.places import CONFOUNDED, GEARS, check_confounder, check_named, each
+from tests.runs.hidden_effects.places import GEARS, check_confounder, check_named, each, each_confounded
 from tests.virtual_cell.cell import Hidden
 
 
@@ -12,11 +14,12 @@ def test_hidden_is_named(where: Place) -> None:
     check_named(where)
 
 
-@each(*(where for where in CONFOUNDED if where in GEARS))
+@each_confounded(*GEARS)
 def test_confounder_is_not_taken_for_it(where: Place) -> None:
     check_confounder(where)
 
 
+@pytest.mark.long
 def test_play_that_every_load_crosses_may_look_like_a_soft_zone() -> None:
     """A soft zone of 50 N m is the nearest to it; which loads are small enough to tell decides."""
     assert run(1, Hidden("backlash", 1)).outcome in ("right", "ambiguous in")

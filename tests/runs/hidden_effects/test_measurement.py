@@ -6,7 +6,6 @@ import pytest
 
 from tests.runs.hidden_effects.hide_and_diagnose import Place, run
 from tests.runs.hidden_effects.places import (
-    CONFOUNDED,
     IN_MOTION,
     MEASUREMENT,
     NEVER_SEEN,
@@ -14,6 +13,7 @@ from tests.runs.hidden_effects.places import (
     check_confounder,
     check_named,
     each,
+    each_confounded,
 )
 from tests.virtual_cell.cell import Hidden
 
@@ -23,7 +23,7 @@ def test_hidden_is_named(where: Place) -> None:
     check_named(where)
 
 
-@each(*(where for where in CONFOUNDED if where in (*MEASUREMENT, *NEVER_SEEN)))
+@each_confounded(*MEASUREMENT, *NEVER_SEEN)
 def test_confounder_is_not_taken_for_it(where: Place) -> None:
     check_confounder(where)
 

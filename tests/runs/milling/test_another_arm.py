@@ -18,7 +18,11 @@ from tests.virtual_cell.milling import BASE_FROM_OBJECT, angles, engagement, pla
 SEEDS = {name: 400 + number for number, name in enumerate(PLACES)}
 
 
-@pytest.fixture(params=list(PLACES))
+# The virtual cell mills with the first, and the second and third differ in size.
+LONG = ("irb6660-205-1.90", "irb6700-200-2.60")
+
+
+@pytest.fixture(params=[pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in PLACES])
 def job(request: pytest.FixtureRequest, tmp_path: Path) -> AnotherArmJob:
     return AnotherArmJob(tmp_path, SEEDS[request.param], arm=request.param, motion=1.0)
 

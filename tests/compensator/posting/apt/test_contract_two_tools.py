@@ -38,3 +38,14 @@ def test_two_tools(tmp_path: Path, words: tuple[str, str], tool: str, diameter: 
     assert kit.codes(run) & {"CS2110", "CS4316"} == ({odd} if odd else set())
     if not code:
         assert run.json["result"]["targets"] == (45 if not tool or words[0] == words[1] else 23 if tool == "1" else 22)
+
+
+def test_what_moves_on_from_where_another_tool_was_is_refused(tmp_path: Path) -> None:
+    """The first tool comes back behind the second: where it stood then is not where it is."""
+    (tmp_path / "cell.yaml").write_text(SAMPLE.read_text(encoding="utf-8") + PLACE)
+    (tmp_path / "back.apt").write_text(
+        "PARTNO/P\nUNITS/MM\nLOADTL/1\nRAPID\nGOTO/0,0,60,0,0,1\nFEDRAT/2400,MMPM\nGOTO/0,0,20,0,0,1\nLOADTL/2\nRAPID\n"
+        "GOTO/50,0,60,0,0,1\nLOADTL/1\nGODLTA/0,0,5\nGOTO/9,0,20\nFINI\n")
+    run = kit.run("post", tmp_path / "cell.yaml", tmp_path / "back.apt", "-o", tmp_path / "back.mod", "--tool", "1", "--json")
+    assert (run.code, kit.codes(run)) == (1, {"CS2102"})
+    assert not (tmp_path / "back.mod").exists()
