@@ -15,6 +15,7 @@ from compensator.posting.suffixes import toolpath_stem, toolpath_suffix
 from compstiff.file_kinds import SUFFIXES, Kind, kind_of
 from compstiff.quaternion_orders import W_FIRST, in_another_order
 from identification.common.findings import CompstiffError, Finding, Refused, counted, error
+from identification.common.made_from import said_of_tables
 from identification.model.cell import Cell, read_cell
 from identification.model.cell_file import ForceLogFile
 from identification.model.cell_sizes import odd_sizes
@@ -262,7 +263,8 @@ def _stiffness(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[F
     model = read_stiffness(file, cell)
     words = "k [N m/rad] " + ", ".join(f"{k:.3g}" for k in model.stiffness)
     effects = ", ".join(term.label for term in model.effects)
-    findings = () if not model.rejected else (Finding(
+    findings = said_of_tables(model.source, model.made_from)
+    findings += () if not model.rejected else (Finding(
         "CS0113", "warning", f"its own measurements reject it ({model.rejected}): correct will refuse it", file=str(file),
         hint="compstiff diagnose says what else is at work, and writes the file that has it (--extended)"),)
     return words + (f"; {effects}" if effects else ""), findings

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,24 +12,55 @@ from identification.common.findings import Finding
 
 # What of a record decides the correction, and is not written over by a later pass as its log is.
 DECIDE = ("input", "stiffness")
+# A stiffness file is some kilobytes; what is larger is none, and not looked into.
+LARGEST_STIFFNESS_FILE = 16 << 20
 
 
 def said_of_changes(record: dict[str, Any], folder: Path, output: Path, program: Path | None = None) -> tuple[Finding, ...]:
     """A warning (CS4205) where the program or the stiffness file that `record` names stand in `folder` with another content, or
-    `program`, where it has the name of the first, has."""
-    changed = []
+    `program`, where it has the name of the first, has; else what `said_of_tables` says of that stiffness file."""
+    changed: list[str] = []
+    of_tables: tuple[Finding, ...] = ()
     for key in DECIDE:
         named = record.get(key)
         if not isinstance(named, dict) or not isinstance(named.get("file"), str):
             continue
         beside = folder / Path(named["file"]).name
         file = program if key == "input" and program is not None and program.name == beside.name else beside
-        if file.is_file() and sha256(file) != named.get("sha256"):
+        if not file.is_file():
+            continue
+        if sha256(file) != named.get("sha256"):
             changed.append(file.name)
+        elif key == "stiffness":
+            of_tables = said_of_tables(file, _tables_of(file))
     if not changed:
-        return ()
+        return of_tables
     what = f"{changed[0]} was changed since this was worked out from it"
     if len(changed) > 1:
         what = f"{' and '.join(changed)} were changed since this was worked out from them"
     return (Finding("CS4205", "warning", what, file=str(output),
-                    hint="correct again; right where nothing but a comment was changed"),)
+                    hint="correct again; right where nothing but a comment was changed"), *of_tables)
+
+
+def said_of_tables(stiffness: Path | None, made_from: Sequence[dict[str, str]]) -> tuple[Finding, ...]:
+    """A warning (CS1205) where tables that a stiffness file was identified from stand beside it with another content.
+    made_from: their names and SHA-256, as the file has them; a table that stands elsewhere is not looked for."""
+    changed = [] if stiffness is None else [
+        beside.name for table in made_from
+        if (beside := stiffness.parent / Path(table["file"]).name).is_file() and sha256(beside) != table["sha256"]]
+    if not changed:
+        return ()
+    what = f"{' and '.join(changed)} {'was' if len(changed) == 1 else 'were'} changed since these stiffnesses were identified"
+    return (Finding("CS1205", "warning", what, file=str(stiffness),
+                    hint="identify again, or diagnose --extended; right where nothing but a comment was changed"),)
+
+
+def _tables_of(stiffness: Path) -> list[dict[str, str]]:
+    """What a stiffness file says that it was identified from; nothing where it says nothing of it that can be read."""
+    try:
+        content = json.loads(stiffness.read_bytes()) if stiffness.stat().st_size <= LARGEST_STIFFNESS_FILE else None
+    except (OSError, ValueError, RecursionError):
+        return []
+    tables = content.get("made_from") if isinstance(content, dict) else None
+    return [table for table in (tables if isinstance(tables, list) else []) if isinstance(table, dict)
+            and isinstance(table.get("file"), str) and isinstance(table.get("sha256"), str)]

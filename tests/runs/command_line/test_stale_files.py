@@ -3,6 +3,7 @@ is not spoken of."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from tests.runs.command_line.test_mistakes import ROBOTS, call
 from tests.runs.command_line.test_silent_mistakes import edited
 from tests.runs.command_line.workshop import workshop
 
-SAID = {"CS4129", "CS4205", "CS5026", "CS5028", "CS6101", "CS6103"}
+SAID = {"CS1205", "CS4129", "CS4205", "CS5026", "CS5028", "CS6101", "CS6103"}
 
 
 @pytest.fixture
@@ -89,3 +90,52 @@ def test_offsets_without_a_record_are_taken_as_they_are(corrected: Path) -> None
     (corrected / "out.mod.json").unlink()
     edited(corrected / "offsets.csv", corrected / "offsets.csv", 1.05)
     assert kit.codes(push(corrected)) & SAID == set()
+
+
+@pytest.fixture
+def of_a_table(tmp_path: Path) -> Path:
+    """The same folder with stiffnesses that `identify` found in measurements.csv, which the correction is made with."""
+    assert workshop(ROBOTS[0]).run(tmp_path, {}, "identify", "@cell.yaml", "@measurements.csv", "-o", "@stiffness.json",
+                                   "--force").code == 0
+    done = again_with(tmp_path)
+    assert (done.code, kit.codes(done) & SAID) == (0, set()), done
+    return tmp_path
+
+
+def again_with(folder: Path) -> kit.Run:
+    words = call("--offsets", "@offsets.csv", "--force")
+    return kit.run(*(str(folder / word[1:]) if word.startswith("@") else word for word in words), "--json")
+
+
+def test_load_tests_that_were_changed_since_they_were_identified(of_a_table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Told by all that uses the stiffnesses, and no more once they are identified anew, or where the table is not there."""
+    table, stiffness = of_a_table / "measurements.csv", of_a_table / "stiffness.json"
+
+    def told() -> list[set[str]]:
+        calls = (again_with(of_a_table), push(of_a_table), upload(of_a_table, monkeypatch),
+                 kit.run("check", of_a_table / "cell.yaml", stiffness, "--json"))
+        assert [done.code for done in calls] == [0] * 4, calls
+        return [kit.codes(done) & SAID for done in calls]
+
+    assert told() == [set()] * 4
+    *rows, last = table.read_text().splitlines()
+    table.write_text("\n".join(rows) + "\n")         # its last reading is left out
+    assert told() == [{"CS1205"}] * 4
+    table.rename(of_a_table / "kept.csv")
+    assert told() == [set()] * 4
+    (of_a_table / "kept.csv").rename(table)
+    assert kit.run("identify", of_a_table / "cell.yaml", table, "-o", stiffness, "--force", "--json").code == 0
+    assert told() == [set()] * 4
+    diagnosed = kit.run("diagnose", of_a_table / "cell.yaml", table, "-o", of_a_table / "d.json", "--extended", stiffness,
+                        "--replicates", "19", "--force", "--json")
+    assert diagnosed.code == 0, diagnosed
+    table.write_text("\n".join([*rows, last]) + "\n")
+    assert kit.codes(again_with(of_a_table)) & SAID == {"CS1205"}
+
+
+def test_stiffnesses_that_name_no_table_are_read_as_before(of_a_table: Path) -> None:
+    content = json.loads((of_a_table / "stiffness.json").read_text())
+    del content["made_from"]
+    (of_a_table / "stiffness.json").write_text(json.dumps(content))
+    (of_a_table / "measurements.csv").write_text("")
+    assert kit.codes(again_with(of_a_table)) & SAID == set()
