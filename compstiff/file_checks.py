@@ -277,6 +277,25 @@ def _learned(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fin
     return "of this robot", ()
 
 
+def _cutting(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
+    """Held against the cutter of cell.yaml, where that states one."""
+    from compensator.cutting.coefficients import check_same, read_coefficients
+    from compensator.cutting.cutter import cutter_of
+
+    coefficients = read_coefficients(file)
+    if cell.cutting.tool_diameter_mm and cell.cutting.teeth:
+        check_same(coefficients, cutter_of(cell), cell.cutting.material, str(cell.source))
+    of = f" in {coefficients.material.replace('_', ' ')}" if coefficients.material else ""
+    return f"{coefficients.cutter.words()}{of}, Ktc {1e-6 * coefficients.mean[0]:.0f} N/mm^2", ()
+
+
+def _stock(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
+    from compensator.cutting.stock_file import read_stock
+
+    low, high = 1e3 * read_stock(file).bounds
+    return "; ".join(f"{name} {a:g} to {b:g}" for name, a, b in zip("xyz", low, high, strict=True)) + " mm", ()
+
+
 def _diagnosis(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
     import json
 
@@ -314,6 +333,7 @@ Reader = Callable[[Path, Cell, Settings], tuple[str, tuple[Finding, ...]]]
 READERS: dict[str, Reader] = {
     "measurements": _measurements, "toolpath": _toolpath, "force log": _force_log, "stiffness": _stiffness,
     "learned": _learned, "diagnosis": _diagnosis, "offsets": _offsets, "measured part": _measured_part,
+    "cutting": _cutting, "stock": _stock,
 }
 
 

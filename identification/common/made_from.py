@@ -14,6 +14,9 @@ from identification.common.findings import Finding
 DECIDE = ("input", "stiffness")
 # A stiffness file is some kilobytes; what is larger is none, and not looked into.
 LARGEST_STIFFNESS_FILE = 16 << 20
+RECORD, LARGEST_RECORD = "compstiff-correction", 64 << 20
+# Files that one copy or one batch wrote differ by less [s].
+LATER_S = 2.0
 
 
 def said_of_changes(record: dict[str, Any], folder: Path, output: Path, program: Path | None = None) -> tuple[Finding, ...]:
@@ -40,6 +43,43 @@ def said_of_changes(record: dict[str, Any], folder: Path, output: Path, program:
         what = f"{' and '.join(changed)} were changed since this was worked out from them"
     return (Finding("CS4205", "warning", what, file=str(output),
                     hint="correct again; right where nothing but a comment was changed"), *of_tables)
+
+
+def said_of_later(record: Path, output: Path) -> tuple[Finding, ...]:
+    """A warning (CS4206) where a correction of the same program was made after that of `record`: another record beside it that
+    took the log of the pass with these offsets, or, made from the same program, was written later."""
+    own = _record(record)
+    if own is None:
+        return ()
+    for path in sorted(record.parent.glob("*.json")):
+        other = _record(path)
+        if path == record or other is None or _digest(other, "input") != _digest(own, "input") or (
+                _digest(other, "output") == _digest(own, "output")):
+            continue
+        of_this_pass = _digest(own, "offsets") is not None and _digest(other, "logged_with") == _digest(own, "offsets")
+        if of_this_pass or path.stat().st_mtime > record.stat().st_mtime + LATER_S:
+            name, of = other["output"]["file"], other["input"]["file"]
+            return (Finding("CS4206", "warning", f"is the earlier of two corrections of {of}: {name} was "
+                            + ("made from the log of the pass with it" if of_this_pass else "written later"), file=str(output),
+                            hint=f"is {name} (record {path.name}) meant?"),)
+    return ()
+
+
+def _record(file: Path) -> dict[str, Any] | None:
+    """The record of a correction; None where the file is none."""
+    try:
+        content = json.loads(file.read_bytes()) if file.stat().st_size <= LARGEST_RECORD else None
+    except (OSError, ValueError, RecursionError):
+        return None
+    whole = isinstance(content, dict) and content.get("format") == RECORD and all(
+        isinstance(content.get(key), dict) and isinstance(content[key].get("file"), str) for key in ("input", "output"))
+    return content if whole else None
+
+
+def _digest(record: dict[str, Any], key: str) -> str | None:
+    """SHA-256 of what a record names so; None where it names none."""
+    named = record.get(key)
+    return named.get("sha256") if isinstance(named, dict) else None
 
 
 def said_of_tables(stiffness: Path | None, made_from: Sequence[dict[str, str]]) -> tuple[Finding, ...]:

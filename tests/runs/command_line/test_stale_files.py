@@ -4,6 +4,7 @@ is not spoken of."""
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from tests.runs.command_line.test_mistakes import ROBOTS, call
 from tests.runs.command_line.test_silent_mistakes import edited
 from tests.runs.command_line.workshop import workshop
 
-SAID = {"CS1205", "CS4129", "CS4205", "CS5026", "CS5028", "CS6101", "CS6103"}
+SAID = {"CS1205", "CS4129", "CS4205", "CS4206", "CS5026", "CS5028", "CS6101", "CS6103"}
 
 
 @pytest.fixture
@@ -139,3 +140,25 @@ def test_stiffnesses_that_name_no_table_are_read_as_before(of_a_table: Path) -> 
     (of_a_table / "stiffness.json").write_text(json.dumps(content))
     (of_a_table / "measurements.csv").write_text("")
     assert kit.codes(again_with(of_a_table)) & SAID == set()
+
+
+def test_the_earlier_of_two_corrections(corrected: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second is made from the log of the pass with the first one's offsets, whatever the times of the files say; of two
+    from one log the later counts, and neither where a copy gave both one time."""
+    words = [word.replace("@out.mod", "@second.mod") for word in call(
+        "--logged-with", "@offsets.csv", "--offsets", "@second.csv", "--scale", "1.05")]
+    done = kit.run(*(str(corrected / word[1:]) if word.startswith("@") else word for word in words), "--json")
+    assert (done.code, kit.codes(done) & SAID) == (0, set()), done
+    records = [corrected / "out.mod.json", corrected / "second.mod.json"]
+    os.utime(records[1], (records[0].stat().st_mtime - 3600,) * 2)
+    for first in (push(corrected), upload(corrected, monkeypatch)):
+        assert kit.codes(first) & SAID == {"CS4206"}
+    (corrected / "second.csv").rename(corrected / "offsets.csv")
+    assert kit.codes(push(corrected)) & SAID == {"CS5026"}
+    record = json.loads(records[1].read_text())
+    record["offsets"]["file"], record["logged_with"] = "offsets.csv", None
+    for earlier, said in ((-3600.0, set()), (0.0, set()), (3600.0, {"CS4206"})):
+        records[1].write_text(json.dumps(record))
+        os.utime(records[1], (records[0].stat().st_mtime + earlier,) * 2)
+        assert kit.codes(upload(corrected, monkeypatch)) & SAID == said
+    assert kit.codes(push(corrected)) & SAID == set()
