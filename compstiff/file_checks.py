@@ -100,7 +100,18 @@ def check_files(cell_file: str | Path, files: Sequence[str | Path] = (), setting
 
     checks = [_attempt(Path(cell_file), "cell", of_cell)]
     checks += [_checked(file, cell, settings) for file in named if file.resolve() != Path(cell_file).resolve()]
-    return Checked(tuple(_with_pairs(checks, cell, settings)), passed_over)
+    return Checked(tuple(_with_pairs(_without_plans(checks), cell, settings)), passed_over)
+
+
+def _without_plans(checks: list[FileCheck]) -> list[FileCheck]:
+    """That a sheet is not filled in is no news beside one that is: it is the plan of that."""
+    filled = any(one.kind == "measurements" and one.verdict != "error" and not _blank(one) for one in checks)
+    return [replace(one, findings=tuple(finding for finding in one.findings if finding.code != "CS0112"))
+            if filled and _blank(one) else one for one in checks]
+
+
+def _blank(check: FileCheck) -> bool:
+    return any(finding.code == "CS0112" for finding in check.findings)
 
 
 def _files(named: list[Path]) -> tuple[list[Path], int]:

@@ -210,6 +210,11 @@ def test_a_plan_is_no_broken_measurement(folder: Path) -> None:
     run = check(folder, sheet)
     assert run.code == 0
     assert kit.codes(run) == {"CS0112"}
+    (folder / "filled.csv").write_text("\n".join([header, *rows]) + "\n")
+    beside = check(folder, sheet, folder / "filled.csv")
+    assert kit.codes(beside) == set()
+    assert {name: verdict for name, (_, verdict) in verdicts(beside).items()} == {
+        "cell.yaml": "ok", "measurements.csv": "ok", "filled.csv": "ok"}
     sheet.write_text("\n".join([header, rows[0], *(",".join(row.split(",")[:9]) + ",,," for row in rows[1:])]) + "\n")
     half = check(folder, sheet)
     assert half.code == 1
