@@ -31,7 +31,8 @@ class CellAnswers:
     """What is asked of a new cell. Millimetres, kilograms, micrometres (1 sigma), as in cell.yaml; None: not known yet.
 
     robot: a built-in name, or the path of a robot file, which is copied into the folder. weights: of a load test by hung
-    weights, as `design --dead-weight` takes them; "": the loads come from a cylinder or a jack.
+    weights, as `design --dead-weight` takes them; "": the loads come from a cylinder or a jack. serial_number: of the robot,
+    "": not known.
 
     >>> compstiff.CellAnswers("irb6660-205-1.90", (120, 0, 250)).force_frame
     'base'
@@ -42,6 +43,7 @@ class CellAnswers:
     tool_quaternion: Triple = (1.0, 0.0, 0.0, 0.0)
     tool_mass: float | None = None
     tool_centre: Triple | None = None
+    serial_number: str = ""
     deflection_std: float = 2.0
     weights: str = ""
     force_frame: FrameKind = "base"

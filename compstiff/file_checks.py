@@ -15,6 +15,7 @@ from compensator.posting.suffixes import toolpath_stem, toolpath_suffix
 from compstiff.file_kinds import SUFFIXES, Kind, kind_of
 from compstiff.quaternion_orders import W_FIRST, in_another_order
 from identification.common.findings import CompstiffError, Finding, Refused, counted, error
+from identification.common.made_from import said_of_tables
 from identification.model.cell import Cell, read_cell
 from identification.model.cell_file import ForceLogFile
 from identification.model.cell_sizes import odd_sizes
@@ -99,7 +100,18 @@ def check_files(cell_file: str | Path, files: Sequence[str | Path] = (), setting
 
     checks = [_attempt(Path(cell_file), "cell", of_cell)]
     checks += [_checked(file, cell, settings) for file in named if file.resolve() != Path(cell_file).resolve()]
-    return Checked(tuple(_with_pairs(checks, cell, settings)), passed_over)
+    return Checked(tuple(_with_pairs(_without_plans(checks), cell, settings)), passed_over)
+
+
+def _without_plans(checks: list[FileCheck]) -> list[FileCheck]:
+    """That a sheet is not filled in is no news beside one that is: it is the plan of that."""
+    filled = any(one.kind == "measurements" and one.verdict != "error" and not _blank(one) for one in checks)
+    return [replace(one, findings=tuple(finding for finding in one.findings if finding.code != "CS0112"))
+            if filled and _blank(one) else one for one in checks]
+
+
+def _blank(check: FileCheck) -> bool:
+    return any(finding.code == "CS0112" for finding in check.findings)
 
 
 def _files(named: list[Path]) -> tuple[list[Path], int]:
@@ -262,7 +274,8 @@ def _stiffness(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[F
     model = read_stiffness(file, cell)
     words = "k [N m/rad] " + ", ".join(f"{k:.3g}" for k in model.stiffness)
     effects = ", ".join(term.label for term in model.effects)
-    findings = () if not model.rejected else (Finding(
+    findings = said_of_tables(model.source, model.made_from)
+    findings += () if not model.rejected else (Finding(
         "CS0113", "warning", f"its own measurements reject it ({model.rejected}): correct will refuse it", file=str(file),
         hint="compstiff diagnose says what else is at work, and writes the file that has it (--extended)"),)
     return words + (f"; {effects}" if effects else ""), findings
@@ -273,6 +286,25 @@ def _learned(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fin
 
     read_learned(file, cell)
     return "of this robot", ()
+
+
+def _cutting(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
+    """Held against the cutter of cell.yaml, where that states one."""
+    from compensator.cutting.coefficients import check_same, read_coefficients
+    from compensator.cutting.cutter import cutter_of
+
+    coefficients = read_coefficients(file)
+    if cell.cutting.tool_diameter_mm and cell.cutting.teeth:
+        check_same(coefficients, cutter_of(cell), cell.cutting.material, str(cell.source))
+    of = f" in {coefficients.material.replace('_', ' ')}" if coefficients.material else ""
+    return f"{coefficients.cutter.words()}{of}, Ktc {1e-6 * coefficients.mean[0]:.0f} N/mm^2", ()
+
+
+def _stock(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
+    from compensator.cutting.stock_file import read_stock
+
+    low, high = 1e3 * read_stock(file).bounds
+    return "; ".join(f"{name} {a:g} to {b:g}" for name, a, b in zip("xyz", low, high, strict=True)) + " mm", ()
 
 
 def _diagnosis(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
@@ -312,6 +344,7 @@ Reader = Callable[[Path, Cell, Settings], tuple[str, tuple[Finding, ...]]]
 READERS: dict[str, Reader] = {
     "measurements": _measurements, "toolpath": _toolpath, "force log": _force_log, "stiffness": _stiffness,
     "learned": _learned, "diagnosis": _diagnosis, "offsets": _offsets, "measured part": _measured_part,
+    "cutting": _cutting, "stock": _stock,
 }
 
 

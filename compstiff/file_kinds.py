@@ -15,10 +15,13 @@ from identification.common.yaml_source import read_mapping
 from identification.model.cell_file import ForceLogFile
 
 Kind = Literal["cell", "robot", "measurements", "joint log", "toolpath", "force log", "stiffness", "learned", "diagnosis",
-               "record", "result", "offsets", "measured part"]
+               "record", "result", "offsets", "measured part", "cutting", "stock"]
 TABLES = (".csv", ".parquet", ".pq", ".xlsx")
 FORMATS: dict[str, Kind] = {"compstiff-stiffness": "stiffness", "compstiff-learned": "learned",
-                            "compstiff-diagnosis": "diagnosis", "compstiff-correction": "record", "compstiff-post": "record"}
+                            "compstiff-diagnosis": "diagnosis", "compstiff-correction": "record", "compstiff-post": "record",
+                            "compstiff-watch": "record", "compstiff-active": "record", "compstiff-cutting": "cutting"}
+# A YAML file with one of these says what a program starts from.
+OF_STOCK = {"box", "stl", "left_by"}
 # Every suffix that may be read: what a folder's other files are is not asked.
 SUFFIXES = (*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLES, ".yaml", ".yml", ".json", ".mat")
 LOG_NAME = ".forces."
@@ -33,7 +36,8 @@ def kind_of(file: Path, form: ForceLogFile) -> Kind:
     if suffix in (*RAPID_SUFFIXES, *APT_SUFFIXES):
         return "toolpath"
     if suffix in (".yaml", ".yml"):
-        return "robot" if "joints" in read_mapping(file) else "cell"
+        keys = set(read_mapping(file))
+        return "robot" if "joints" in keys else "stock" if keys & OF_STOCK else "cell"
     if suffix == ".mat":
         return "joint log"
     if suffix == ".json":

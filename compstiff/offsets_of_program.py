@@ -16,7 +16,7 @@ def check_offsets_of(offsets: Offsets, program: Path | None, cell: Cell) -> tupl
     """What is said of them; program: the planned one, None: not known. Raises what `check_as_written`, `said_of_offsets`,
     `check_program`, `check_deviation` and reading the program raise."""
     check_as_written(Path(offsets.source), offsets.sha256, program)
-    recorded = said_of_offsets(Path(offsets.source), program, cell.robot.name)
+    recorded = said_of_offsets(Path(offsets.source), program, cell.robot.name, sent=True)
     if program is None:
         return (*recorded, *check_deviation(offsets, None, cell.world_from_base.rotation.T[:, 2]))
     from compensator.path.robot_path import robot_path

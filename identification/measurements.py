@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MASS, MOMENTS, SIGMAS
+from identification.common.files import sha256
 from identification.common.findings import CompstiffError, Finding, error, fold
 from identification.common.tables import MOST_COMPLAINTS, Table, read_table
 from identification.model.cell import Cell
@@ -39,7 +41,7 @@ class Measurements:
     sigma (N, 3) the row's own 1 sigma [m], NaN where the file gives none; time, dwell (N,) [s], NaN where not given;
     visit (N,) number of the pose visit, from 0; reference (N,) number of the unloaded reference, from 0;
     validate (N,) True for rows that are never fitted; machined_pass, pose (N,) labels, "" where none;
-    row (N,) from 1, and line (N,) in the file.
+    row (N,) from 1, and line (N,) in the file; sha256 of its bytes, "" where the rows are of no file.
     """
 
     source: str
@@ -57,24 +59,31 @@ class Measurements:
     row: NDArray[np.intp]
     line: NDArray[np.intp]
     findings: tuple[Finding, ...]
+    sha256: str = ""
 
     def __len__(self) -> int:
         return len(self.line)
 
+    @property
+    def made_from(self) -> tuple[dict[str, str], ...]:
+        """The file they stand in, by name and SHA-256, as a stiffness file has it; nothing where they are of none."""
+        return ({"file": Path(self.source).name, "sha256": self.sha256},) if self.sha256 else ()
+
     def select(self, rows: NDArray[np.bool_]) -> Measurements:
         """The rows where `rows` (N,) is True."""
-        arrays = {name: getattr(self, name)[rows] for name in (
+        arrays: dict[str, Any] = {name: getattr(self, name)[rows] for name in (
             "theta", "wrench", "deflection", "sigma", "time", "dwell", "visit", "reference", "validate",
             "machined_pass", "pose", "row", "line")}
-        return Measurements(source=self.source, findings=self.findings, **arrays)
+        return replace(self, **arrays)
 
     def followed_by(self, other: Measurements) -> Measurements:
         """These rows and then those of `other`, whose visits, references, row numbers and times go on from these."""
         after = {"visit": self.visit.max() + 1, "reference": self.reference.max() + 1, "row": self.row.max(),
                  "line": self.line.max(), "time": np.nanmax(self.time, initial=0.0)}
-        arrays = {name: np.concatenate([getattr(self, name), getattr(other, name) + after.get(name, 0)]) for name in (
-            "theta", "wrench", "deflection", "sigma", "time", "dwell", "visit", "reference", "row", "line")}
-        labels = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in (
+        arrays: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), getattr(other, name) + after.get(name, 0)]) for name in (
+                "theta", "wrench", "deflection", "sigma", "time", "dwell", "visit", "reference", "row", "line")}
+        labels: dict[str, Any] = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in (
             "validate", "machined_pass", "pose")}
         return Measurements(source=self.source, findings=self.findings, **arrays, **labels)
 
@@ -122,7 +131,8 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
         pose=table.texts.get("pose", np.full(count, "", dtype=object)), row=np.arange(1, count + 1), line=table.line,
         findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table),
                        *_slow(table), *([] if planned else _repeated(table, wrench, deflection, _visits(table, theta))),
-                       *_not_moved(table, wrench, deflection)]))
+                       *_not_moved(table, wrench, deflection)]),
+        sha256=sha256(file))
 
 
 def _forces(table: Table, cell: Cell | None) -> Array:

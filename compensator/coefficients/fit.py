@@ -17,7 +17,7 @@ from compensator.correction.settings import DEFAULTS, Settings
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import cut_of
 from compensator.cutting.cutter import cutter_of, said_of_cutter
-from compensator.cutting.materials import coefficients_of
+from compensator.cutting.materials import MATERIALS, coefficients_of
 from compensator.cutting.posterior import ForcePosterior, ForceRows, fit_coefficients
 from compensator.cutting.rows import FEWEST, logged_rows
 from compensator.cutting.runout import missing_force
@@ -38,9 +38,14 @@ ANY_MATERIAL, ANY_WIDTH = "steel", 2.0
 TABLE_MODEL_ERROR = 0.05
 # Of the targets with force at most such a share may lie beside the stock: roughing may have taken more than its file says.
 MOST_BESIDE = 0.8
-# A fit leaves no more than this share of the force at the middling target (right ones leave up to 3 %), and no chip needs less
-# than this share of what the table has for its material (engineering judgement).
-MOST_LEFT, LEAST_OF_TABLE = 0.1, 0.25
+# A fit leaves no more than this share of the force at the middling target (right ones leave up to 3 %).
+MOST_LEFT = 0.1
+# No chip needs less or more than these shares of what the table has for its material, which is known to 40 %; one that does is
+# as another material's within the second pair (engineering judgement).
+OF_TABLE, AS_OF = (0.35, 2.5), (0.6, 1.6)
+# A stock stands aside by no more than so many of its standard deviations: three directions do by chance in under one of a
+# hundred programs.
+MOST_ASIDE = 3.0
 
 
 def cutting_coefficients(
@@ -90,8 +95,10 @@ def cutting_coefficients(
     further = next_cut(coefficients.mean, found.covariance, cut.cutter, depth, float(np.median(chip)), noise)
     said = said_of_the_fit(found.mean, found.aside, cut.left.position_std, predicted.forces, used)
     findings = (*predicted.findings, *driven_as_said(predicted), *cut.findings(), *assumed, *said,
-                *said_of_the_forces(rows, found, mean, predicted.forces.log.source))
-    return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings)
+                *said_of_the_forces(rows, found, predicted.forces.log.source),
+                *said_of_the_material(found, material, float(np.median(chip)), predicted.forces.log.source))
+    of_table = None if material is None else float(found.mean[0] / mean[0])
+    return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings, of_table)
 
 
 def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings = DEFAULTS) -> FittedCoefficients:
@@ -172,18 +179,18 @@ def said_of_the_fit(
     if (mean[[0, 3]] <= 0).any():
         findings.append(Finding("CS4734", "warning", "a tangential coefficient came out negative: no tool cuts like that",
                                 file=source, hint="check force_log.frame and sign, the spindle's sense of turning, the stock"))
-    far = np.abs(aside) > 2
+    far = np.abs(aside) > MOST_ASIDE
     if far.any():
         where = ", ".join(f"{-1e3 * value * position_std:+.2f} mm in {name}" for value, name, one in zip(
             aside, "xyz", far, strict=True) if one)
         findings.append(Finding("CS4735", "warning", f"the log fits best where the stock stands aside by {where}, more than "
-                                "twice what its file says may be", file=source, hint="measure where the stock stands"))
+                                f"{MOST_ASIDE:g} times the {1e3 * position_std:g} mm that its file says (1 sigma)",
+                                file=source, hint="measure where the stock stands"))
     return findings
 
 
-def said_of_the_forces(rows: ForceRows, found: ForcePosterior, table: Array, source: str) -> list[Finding]:
-    """Warnings: a fit that leaves too much of the force (CS4745), a chip that would need next to none (CS4746). table (6,): the
-    coefficients before the log."""
+def said_of_the_forces(rows: ForceRows, found: ForcePosterior, source: str) -> list[Finding]:
+    """Warnings: a fit that leaves too much of the force (CS4745), a chip that would pull (CS4746)."""
     findings = []
     left, size = (float(np.median(np.linalg.norm(force, axis=1))) for force in (found.residual, rows.force))
     if left > MOST_LEFT * size:
@@ -191,14 +198,29 @@ def said_of_the_forces(rows: ForceRows, found: ForcePosterior, table: Array, sou
                                 "middle: these are not the forces of this cutter in this stock", file=source,
                                 hint="is it the stock the program started from, not what it left; the cutter's diameter and "
                                 "corner radius; the log of this program? Do not use these coefficients"))
-    pulled = found.mean[1] < -two_sigma(float(np.sqrt(found.covariance[1, 1])))
-    if 0 < found.mean[0] < LEAST_OF_TABLE * table[0] or pulled:
-        told = (f"need {100 * found.mean[0] / table[0]:.0f} % of the force that the table has for it" if not pulled
-                else f"pull the cutter into the material (Krc {1e-6 * found.mean[1]:.0f} N/mm^2)")
-        findings.append(Finding("CS4746", "warning", f"the chip would {told}", file=source,
+    if found.mean[1] < -two_sigma(float(np.sqrt(found.covariance[1, 1]))):
+        findings.append(Finding("CS4746", "warning", "the chip would pull the cutter into the material (Krc "
+                                f"{1e-6 * found.mean[1]:.0f} N/mm^2)", file=source,
                                 hint="does the stock stand higher or wider in its file than it did, is the spindle's speed, "
-                                "the number of teeth and the material right?"))
+                                "the number of teeth right?"))
     return findings
+
+
+def said_of_the_material(found: ForcePosterior, material: str | None, chip: float, source: str) -> list[Finding]:
+    """A warning (CS4747) where a chip of `chip` [m] a tooth needs another force than the table has for the material that is
+    stated, None: none is. It names those of which it would be usual."""
+    if material is None or found.mean[0] <= 0:
+        return []
+    shares = {name: float(found.mean[0] / coefficients_of(name, chip)[0][0]) for name in MATERIALS}
+    if OF_TABLE[0] <= shares[material] <= OF_TABLE[1]:
+        return []
+    others = [f"{100 * share:.0f} % of {name.replace('_', ' ')}'s" for name, share in shares.items()
+              if AS_OF[0] <= share <= AS_OF[1]]
+    usual = f"; it is {' or '.join(others[:3])}" if others else ""
+    return [Finding("CS4747", "warning", f"the chip needs {100 * shares[material]:.0f} % of the force that the table has for "
+                    f"{material.replace('_', ' ')}, which it knows to about 40 %{usual}", file=source,
+                    hint="is the material right (cutting.material), the spindle's speed and the number of teeth, and does the "
+                    "stock stand in its file as high and as wide as it did?")]
 
 
 def _made_from(cell: Cell, program: PlannedProgram, stock: Path, forces: str | Path | ForceLog) -> dict[str, dict[str, str]]:

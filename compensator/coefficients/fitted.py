@@ -24,7 +24,8 @@ RELIABLE, WEAK, UNTOLD = 0.12, 0.3, 0.9
 @dataclass(frozen=True, eq=False)
 class FittedCoefficients:
     """coefficients: for cutting.json; before: standard deviations (6,) of the prior; posterior and cut: None where they come
-    from the table. further: the cut that would tell most."""
+    from the table. further: the cut that would tell most. of_table: Ktc as a share of what the table has for the stated
+    material; None where no log tells it, or no material is stated."""
 
     coefficients: Coefficients
     before: Array
@@ -32,6 +33,7 @@ class FittedCoefficients:
     cut: Cut | None
     further: TestCut | None
     findings: tuple[Finding, ...]
+    of_table: float | None = None
 
     @property
     def grades(self) -> list[str]:
@@ -50,7 +52,8 @@ class FittedCoefficients:
         """JSON values: cutting.json with grades, and what the log said."""
         told = None if self.posterior is None else {
             "rows": len(self.posterior.residual), "residual_n": rms(self.posterior.residual), "memory": self.posterior.memory,
-            "zero_n": self.posterior.zero.tolist(), "stock_aside": self.posterior.aside.tolist()}
+            "zero_n": self.posterior.zero.tolist(), "stock_aside": self.posterior.aside.tolist(),
+            "chip_force_of_table": self.of_table}
         further = None if self.further is None else {
             "width": self.further.width, "climb": self.further.climb, "feed_a_tooth_mm": 1e3 * self.further.chip,
             "force_std_before": self.further.before, "force_std_after": self.further.after}
@@ -68,6 +71,9 @@ class FittedCoefficients:
             lines.append(f"fit: {len(self.posterior.residual)} targets, residual {rms(self.posterior.residual):.2f} N RMS; "
                          f"what the model leaves at a place: {100 * self.coefficients.model_error:.1f} % of the force; "
                          f"neighbours remember each other over {self.posterior.memory:.0f} targets")
+        if self.of_table is not None:
+            lines.append(f"a chip needs {100 * self.of_table:.0f} % of the force that the table has for "
+                         f"{str(self.coefficients.material).replace('_', ' ')}, which it knows to about 40 %")
         if self.further is not None and self.further.after < 0.8 * self.further.before:
             lines.append(f"what would tell most: log {self.further.words()}: the force of any slot or shoulder is then known "
                          f"to {100 * self.further.after:.0f} % in place of {100 * self.further.before:.0f} %")

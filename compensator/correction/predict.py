@@ -30,6 +30,7 @@ from compensator.rapid import marks_of
 from identification.common.added_targets import read_added
 from identification.common.arrays import rms
 from identification.common.findings import CompstiffError, Finding, Refused, counted, error
+from identification.common.made_from import said_of_tables
 from identification.common.quantities import two_sigma
 from identification.model.cell import Cell
 from identification.model.quaternion_order import in_words, other_order
@@ -148,7 +149,8 @@ def predict(
     """
     _check_sources(forces, settings)
     cell = cell if forces is not None else in_base(cell)
-    doubts = _of_rejected(model, accepted=settings.correction.accept_rejected)
+    doubts = (*_of_rejected(model, accepted=settings.correction.accept_rejected),
+              *said_of_tables(model.source, model.made_from))
     learned = _learned(cell, settings)
     if learned is not None:
         model = learned.model(model)

@@ -12,10 +12,10 @@ import numpy as np
 
 from compensator.correction.correct import Corrected
 from compensator.correction.offsets import offset_blocks
-from compensator.correction.recorded import RECORD
 from compensator.cutting.stock_file import named_by
 from identification.common.files import sha256
 from identification.common.findings import fold
+from identification.common.made_from import RECORD
 
 
 def record(corrected: Corrected, files: dict[Path, bytes], offsets: Path | None = None) -> dict[str, Any]:

@@ -9,9 +9,7 @@ from typing import Any
 
 from identification.common.files import sha256
 from identification.common.findings import Finding, Refused
-from identification.common.made_from import said_of_changes
-
-RECORD = "compstiff-correction"
+from identification.common.made_from import RECORD, said_of_changes, said_of_later
 
 
 def check_as_written(offsets: Path, digest: str, program: Path | None = None) -> None:
@@ -36,9 +34,10 @@ def _naming(offsets: Path, program: Path | None) -> list[Path]:
     return [path for path in paths if _of_offsets(path).get("file") == offsets.name]
 
 
-def said_of_offsets(offsets: Path, program: Path | None, robot: str) -> tuple[Finding, ...]:
+def said_of_offsets(offsets: Path, program: Path | None, robot: str, *, sent: bool = False) -> tuple[Finding, ...]:
     """Warnings on offsets that a record beside them wrote: what they were made from was changed since (CS4205), or they were
-    (CS4129, of those of a logged pass). Raises Refused (CS5028) where the robot of the record is another than `robot`."""
+    (CS4129, of those of a logged pass); sent: they go to the robot now, and later ones stand beside them (CS4206). Raises
+    Refused (CS5028) where the robot of the record is another than `robot`."""
     named, digest = _naming(offsets, program), sha256(offsets)
     own = [path for path in named if _of_offsets(path).get("sha256") == digest]
     if not named:
@@ -51,7 +50,8 @@ def said_of_offsets(offsets: Path, program: Path | None, robot: str) -> tuple[Fi
     if isinstance(there, dict) and there.get("name", robot) != robot:
         raise Refused(Finding("CS5028", "error", f"was worked out for the robot '{there['name']}', the cell has '{robot}'",
                               file=str(offsets), hint="give the cell.yaml it was corrected with"))
-    return said_of_changes(record, own[-1].parent, offsets, program)
+    later = said_of_later(own[-1], offsets) if sent else ()
+    return (*later, *said_of_changes(record, own[-1].parent, offsets, program))
 
 
 def _of_offsets(file: Path) -> dict[str, Any]:

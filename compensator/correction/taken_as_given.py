@@ -85,7 +85,8 @@ def taken_as_given(loaded: LoadedPath, settings: Settings) -> TakenAsGiven:
     path, targets, cell = loaded.path, loaded.targets, loaded.path.cell
     serial = cell.robot.serial_number
     source = f", stiffnesses from {loaded.model.source.name}" if loaded.model.source else ""
-    robot = f"{cell.robot.name}, " + (f"serial number {serial}" if serial else "no serial_number in cell.yaml") + source
+    robot = f"{cell.robot.name}, " + (f"serial number {serial}{source}" if serial else (
+        f"no serial_number in cell.yaml{source}: those of another robot of this type would not be noticed"))
     at = 1e3 * path.base_from_tcp.position[targets]
     if not len(targets) or not np.isfinite(at).all():
         return TakenAsGiven(robot, "", 0.0, None, {})

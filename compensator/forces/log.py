@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from compensator.forces import revolutions
 from compensator.forces.health import EVEN, Health
+from compensator.forces.ripple import Ripple, ripple_of
 from compensator.forces.source import TIMES, ForceSource, Key, Samples, open_force_log, placed_by
 from identification.common.arrays import Array, read_only
 from identification.common.findings import CompstiffError, Finding, counted, error
@@ -57,7 +58,8 @@ class ForceLog:
     keeps of them, one over T seconds 1/T times that. predicted: what is known of forces that were worked out, None: logged.
     held (M,): rows in which a channel stood still (health.py), which place the log and are no forces. on_path: the rows were
     placed along the path; sent: by where the program sent the tool, so that its offsets are in the place. beside (M, 3) [m],
-    world: how far each row stood beside the path then, NaN where it is not on it.
+    world: how far each row stood beside the path then, NaN where it is not on it. ripple: how often the force repeats in a turn
+    of the spindle as stated, None where it is not stated, or the spectrum does not show that speed.
     """
 
     source: str
@@ -81,6 +83,7 @@ class ForceLog:
     on_path: bool = False
     sent: bool = False
     beside: Array | None = None
+    ripple: Ripple | None = None
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))
@@ -133,7 +136,8 @@ def read_force_log(
     if not source.rows:
         raise _empty(source)
     rate, of_rate = _rate(source)
-    spindle, left, of_spindle = _spindle(source, rate, spindle_rpm or form.spindle_rpm)
+    turn = _spindle(source, rate, spindle_rpm or form.spindle_rpm)
+    spindle = turn.speed
     window = rate / spindle if rate and spindle else None
     size = max(source.rows // max(ROWS, ROWS_PER_TARGET * (0 if borders is None else len(borders) + 1)), 1)
     health = Health(str(file), (form.saturation_n, form.saturation_nm), 1 / rate if rate and not of_rate else None)
@@ -146,7 +150,7 @@ def read_force_log(
         raise _empty(source)
     rows = kept.rows()
     findings = [Finding("CS3003", "note", f"{counted(health.count, 'sample')}, placed by {placed_by(source)}", file=str(file)),
-                *source.findings, *of_rate, *of_spindle]
+                *source.findings, *of_rate, *turn.findings]
     if size > 1:
         findings.append(Finding("CS3030", "note", f"kept as {len(rows.line)} means of up to {size} consecutive samples",
                                 file=str(file)))
@@ -164,7 +168,8 @@ def read_force_log(
         str(file), rows.load[:, :3], moment, source.has_moment, source.key, place, rows.line,
         weight, time, rate,
         revolution=1 / spindle if window and spindle else None, plain=rows.plain if window else rows.load,
-        saturated=health.unsound(rows.flags, rows.number), findings=tuple(findings), lines_left=left,
+        saturated=health.unsound(rows.flags, rows.number), findings=tuple(findings), lines_left=turn.left,
+        ripple=turn.ripple,
         held=health.no_forces(rows.number, weight, int(np.ceil(0.5 * window)) if window else 0))
 
 
@@ -190,43 +195,56 @@ def _rate(source: ForceSource) -> tuple[float | None, list[Finding]]:
         hint="" if stated else "state force_log.rate_hz in cell.yaml if the logger has a fixed rate")]
 
 
-def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) -> tuple[float | None, float, list[Finding]]:
-    """The spindle's speed [Hz]; what plain means keep of its lines where it is ambiguous [N s]; what is to be said of it."""
+@dataclass(frozen=True)
+class _Turn:
+    """The spindle's speed [Hz], None: not known; what is to be said of it; what plain means keep of its lines where it is
+    ambiguous [N s]; ripple as in ForceLog."""
+
+    speed: float | None
+    findings: tuple[Finding, ...] = ()
+    left: float = 0.0
+    ripple: Ripple | None = None
+
+
+def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) -> _Turn:
+    """What is known of the spindle's speed, stated or not."""
     name = str(source.file)
     if rate is None:
-        if stated_rpm is None:
-            return None, 0.0, []
-        return None, 0.0, [Finding("CS3028", "warning", f"the spindle speed {stated_rpm:g} rpm is stated, but not how fast the "
-                                   "log was sampled: plain means were taken", file=name,
-                                   hint="log time_s, or state force_log.rate_hz")]
+        return _Turn(None) if stated_rpm is None else _Turn(None, (Finding(
+            "CS3028", "warning", f"the spindle speed {stated_rpm:g} rpm is stated, but not how fast the log was sampled: plain "
+            "means were taken", file=name, hint="log time_s, or state force_log.rate_hz"),))
     stated = None if stated_rpm is None else stated_rpm / 60
     if stated is not None and 2 * stated > rate:
-        return None, 0.0, [Finding("CS3028", "warning", f"under two samples a revolution ({rate:g} Hz at {stated_rpm:g} rpm): "
-                                   "plain means were taken", file=name)]
+        return _Turn(None, (Finding("CS3028", "warning", f"under two samples a revolution ({rate:g} Hz at {stated_rpm:g} rpm): "
+                                    "plain means were taken", file=name),))
     seen = revolutions.spectrum(source.stretches, rate, source.rows)
     spindle = None if seen is None else revolutions.find_spindle(*seen, stated)
     if stated is None:
-        if spindle is None:
-            few = "the log is too short" if seen is None else "no comb of lines stands out of its spectrum"
-            return None, 0.0, [Finding("CS3028", "note", f"spindle speed not found ({few}): plain means were taken", file=name,
-                                  hint="state it: --spindle-rpm, or force_log.spindle_rpm in cell.yaml")]
-        if spindle.rivals:
-            return None, spindle.left, [_ambiguous(spindle, rate, name)]
-        return spindle.frequency, 0.0, [_averaged(
-            spindle.frequency, f"found in the spectrum: {100 * spindle.share:.0f} % of its lines at multiples, the strongest "
-            f"at {spindle.strongest:.1f} Hz", name), _turn_or_tooth(spindle, name)]
-    if spindle is not None and abs(spindle.frequency / stated - 1) <= revolutions.SLIP:
+        return _found(seen is None, spindle, rate, name)
+    if seen is not None and spindle is not None and abs(spindle.frequency / stated - 1) <= revolutions.SLIP:
         # Any line is a multiple of a turn that is slow enough: 150 a minute for 150 a second.
-        widest = None if seen is None else revolutions.find_spindle(*seen)
+        widest = revolutions.find_spindle(*seen)
         slow = widest is not None and widest.frequency > MOST_TURNS * stated
-        return spindle.frequency, 0.0, [
-            _averaged(spindle.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name),
-            *([_other_speed(widest.frequency, stated, name)] if widest is not None and slow else [])]
+        said = (_averaged(spindle.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name),)
+        if widest is not None and slow:
+            return _Turn(spindle.frequency, (*said, _other_speed(widest.frequency, stated, name)))
+        return _Turn(spindle.frequency, said, ripple=ripple_of(*seen, spindle.frequency))
     other = None if seen is None else revolutions.find_spindle(*seen)
-    findings = [_averaged(stated, "as stated", name)]
-    if other is not None:
-        findings.append(_other_speed(other.frequency, stated, name))
-    return stated, 0.0, findings
+    said = (_averaged(stated, "as stated", name),)
+    return _Turn(stated, said if other is None else (*said, _other_speed(other.frequency, stated, name)))
+
+
+def _found(too_short: bool, spindle: revolutions.Spindle | None, rate: float, name: str) -> _Turn:
+    """The speed that nothing states, by the spectrum."""
+    if spindle is None:
+        few = "the log is too short" if too_short else "no comb of lines stands out of its spectrum"
+        return _Turn(None, (Finding("CS3028", "note", f"spindle speed not found ({few}): plain means were taken", file=name,
+                                    hint="state it: --spindle-rpm, or force_log.spindle_rpm in cell.yaml"),))
+    if spindle.rivals:
+        return _Turn(None, (_ambiguous(spindle, rate, name),), spindle.left)
+    return _Turn(spindle.frequency, (_averaged(
+        spindle.frequency, f"found in the spectrum: {100 * spindle.share:.0f} % of its lines at multiples, the strongest "
+        f"at {spindle.strongest:.1f} Hz", name), _turn_or_tooth(spindle, name)))
 
 
 def _other_speed(found: float, stated: float, name: str) -> Finding:

@@ -17,6 +17,7 @@ from compensator.forces.late_forces import said_of_delay
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
 from compensator.forces.program_time import moves_in_air
+from compensator.forces.ripple import said_of_teeth
 from compensator.forces.scatter import of_blocks
 from compensator.forces.swapped_columns import swapped_columns
 from compensator.forces.tare_check import Range
@@ -160,13 +161,14 @@ def _held(left: Indices, path: RobotPath) -> list[Finding]:
 def _direction(
     log: ForceLog, path: RobotPath, cell: Cell, forced: NDArray[np.bool_], wrench: Array, mean: Array
 ) -> list[Finding]:
-    """What the direction of logged forces tells of sign, frame and the order of the columns."""
+    """What the direction of logged forces tells of sign, frame and the order of the columns, and their ripple of the cutter."""
     if not forced.any():
         return []
     cuts, force, stated = travel(path, forced), wrench[:, :3], "sign" in cell.force_log.form.model_fields_set
     return [*said_of_direction(cuts, _in_frames(force, mean[:, :3], path, cell), cell.force_log.kind, log.source,
                                sign_stated=stated),
-            *swapped_columns(cuts, force, base_from_log(path, cell).rotation, log.source)]
+            *swapped_columns(cuts, force, base_from_log(path, cell).rotation, log.source),
+            *said_of_teeth(log.ripple, cell.cutting.teeth, log.source)]
 
 
 def _of_predicted(

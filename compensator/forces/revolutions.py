@@ -155,7 +155,7 @@ def find_spindle(frequency: Array, power: Array, stated: float | None = None) ->
     the longer period is one over whole periods of both.
     """
     step, rate = frequency[1], 2 * frequency[-1]
-    lines, height, over = _lines(power)
+    lines, height, over = lines_of(power)
     fast = lines * step >= max(FEWEST_BINS * step, SLOWEST)
     lines, height, over = lines[fast] * step, height[fast], over[fast]
     if not len(lines) or over.max() < (OUTSTANDING if stated is None else OVER_FLOOR):
@@ -242,7 +242,7 @@ def _comb(first: float, lines: Array, amplitude: Array, step: float, rate: float
     return _Comb(guess, float(share), -int(close.sum()) * float(np.log(chance)))
 
 
-def _lines(power: Array) -> tuple[Array, Array, Array]:
+def lines_of(power: Array) -> tuple[Array, Array, Array]:
     """Lines of a spectrum: place in bins, between them by the parabola through three logarithms; power; power over the median
     of its neighbours."""
     half = NEIGHBOURS // 2

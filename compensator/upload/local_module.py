@@ -11,10 +11,9 @@ from typing import Any
 
 from compensator.upload.session import MOST_BYTES
 from identification.common.findings import Finding, Refused, error
-from identification.common.made_from import said_of_changes
+from identification.common.made_from import RECORD, said_of_changes, said_of_later
 
 SUFFIXES = (".mod", ".modx", ".sys", ".sysx")
-RECORD = "compstiff-correction"
 _MODULE = re.compile(rb"^[ \t]*MODULE[ \t]+([A-Za-z][A-Za-z0-9_]*)", re.MULTILINE | re.IGNORECASE)
 _END = re.compile(rb"^[ \t]*ENDMODULE\b", re.MULTILINE | re.IGNORECASE)
 _PART = re.compile(r"_[0-9]{3,}$")
@@ -111,7 +110,7 @@ def _record(file: Path, digest: str, robot: str, changed: bool) -> tuple[dict[st
     if corrected_for != robot:
         raise Refused(Finding("CS6103", "error", f"was corrected for the robot '{corrected_for}', the cell has '{robot}'",
                               file=str(file), hint="give the cell.yaml it was corrected with"))
-    return record, said_of_changes(record, path.parent, file)
+    return record, (*said_of_later(path, file), *said_of_changes(record, path.parent, file))
 
 
 def _outputs(record: dict[str, Any]) -> list[dict[str, Any]]:

@@ -92,9 +92,13 @@ class ProgramResult:
             return [f"{program}: {self.status} (exit {self.code})" + (f", {stop.code}" if stop else "")]
         figures = self.document["result"]
         added = f" ({figures['added_targets']} added)" if figures["added_targets"] else ""
+        left = figures["expected_left_um"]
+        unstated = ("; most of that is the force that follows the cut, which nobody stated (cutting in cell.yaml, "
+                    "--depth-of-cut)"
+                    if figures["cutting_stiffness"] is None and left["cut"] > 0.5 * left["rms"] else "")
         return [f"{program} -> {self.files.outputs.program}: {counted(figures['corrected'], 'target')} corrected{added}, "
                 f"largest {figures['offset_mm']['largest']:.4f} mm; expected to be left on the part, 2 sigma: "
-                f"{two_sigma(figures['expected_left_um']['rms']):.1f} um RMS"]
+                f"{two_sigma(left['rms']):.1f} um RMS{unstated}"]
 
     def with_finding(self, finding: Finding) -> ProgramResult:
         """The same with one more thing to say."""

@@ -66,6 +66,8 @@ PLACE, TURN = Numbers(3, "X,Y,Z"), Numbers(4, "W,X,Y,Z")
 # may be left open).
 QUESTIONS: tuple[tuple[str, str, Any, Any], ...] = (
     ("robot", "Robot (? lists the built-in ones; or the path of a robot file)", RobotName(), None),
+    ("serial_number", "Its serial number (Enter: not known; it tells its stiffnesses from those of another robot of the type)",
+     click.STRING, ""),
     ("tool_tcp", "TCP in the flange frame in mm, as in tooldata: x,y,z", PLACE, None),
     ("tool_quaternion", "Turn of the tool in the flange frame: w,x,y,z", TURN, "1,0,0,0"),
     ("tool_mass", "Mass of tool and spindle in kg (Enter: not known)", click.FloatRange(0), ""),
@@ -89,6 +91,7 @@ SENSOR = (
 ))
 @click.argument("folder", metavar="CELL-FOLDER", type=FOLDER)
 @click.option("--robot", type=RobotName(), help="A built-in robot (`compstiff robots`), or a robot file, which is copied.")
+@click.option("--serial-number", help="Of the robot: others of its type then do not take its stiffnesses.")
 @click.option("--tool-tcp", type=PLACE, help="The TCP in the flange frame [mm], as in tooldata.")
 @click.option("--tool-quaternion", type=TURN, help="Its turn.  [default: 1,0,0,0]")
 @click.option("--tool-mass", type=click.FloatRange(0), metavar="KG", help="Of tool and spindle.")
@@ -158,6 +161,10 @@ def _robot(text: str) -> str:
     names = built_in_robots()
     if text not in names and not Path(text).is_file():
         if text != "?":
-            click.echo(f"'{text}' is neither a built-in robot nor a file.", err=True)
+            import difflib
+
+            near = difflib.get_close_matches(text.lower(), names, n=3, cutoff=0.3)
+            click.echo(f"'{text}' is neither a built-in robot nor a file." + (
+                f" Near it: {', '.join(near)}." if near else ""), err=True)
         raise click.UsageError("built-in: " + ", ".join(names))     # click shows it and asks again
     return text

@@ -11,6 +11,7 @@ from identification.diagnosis.judgement import Cause
 # Pixels of the drawing, seen from the side: the joints by number, then everything else that may be to blame.
 JOINTS = {1: (150, 226), 2: (172, 188), 3: (138, 84), 4: (214, 74), 5: (300, 66), 6: (318, 92)}
 PARTS = {"base": (150, 268), "track": (150, 300), "link": (152, 134), "rod": (112, 150), "spring": (196, 150),
+         "column": (151, 222), "robot": JOINTS[3],
          "tool": (322, 146), "force sensor": (320, 116), "load": (322, 232), "deflection sensor": (372, 180)}
 # What stands up to here is named on the left.
 COLUMN = 172
@@ -18,20 +19,22 @@ COLUMN = 172
 LINKS = {2: (152, 134), 3: (256, 70)}
 OF_FAMILY = {"gear": "link", "structure": "link", "base": "base", "tool": "tool", "load path": "load",
              "force measurement": "force sensor", "deflection measurement": "deflection sensor"}
-# Effects that sit at another place than their family.
+# Effects, or one law of theirs, that sit at another place than their family; "": at their joint.
 OF_EFFECT = {"soft_track": "track", "parallelogram": "rod", "gravity_compensator": "spring",
              "force_sensor_compliance": "force sensor",
-             "tool_point": "tool", "wrist_coupling": "wrist"}
+             "tool_point": "tool", "wrist_coupling": "wrist", "creep": "robot", "softening": "robot",
+             "base_rocking.column": "column", "gravity_compensator.worn": ""}
 WORDS = {"base": "base and floor", "track": "track", "link": "links", "rod": "rod", "spring": "gravity compensator",
          "tool": "tool",
-         "force sensor": "force sensor", "load": "load", "deflection sensor": "sensor and its stand", "wrist": "wrist"}
+         "force sensor": "force sensor", "load": "load", "deflection sensor": "sensor and its stand", "wrist": "wrist",
+         "column": "column", "robot": "all joints"}
 
 
 def places(causes: Sequence[Cause]) -> list[tuple[str, tuple[int, int]]]:
     """What each cause is to be marked with, in words, and where; each place once."""
     marked: dict[str, tuple[int, int]] = {}
     for cause in causes:
-        name = OF_EFFECT.get(cause.effect.name, "")
+        name = OF_EFFECT.get(cause.effect.stored, OF_EFFECT.get(cause.effect.name, ""))
         if name == "wrist":
             marked["wrist"] = JOINTS[5]
         elif cause.effect.name == "link_bending" and cause.joint in LINKS:
@@ -53,7 +56,8 @@ def arm_drawing(causes: Sequence[Cause], certain: bool, rod: bool = True) -> Mar
     here = [ARM, *([ROD] if rod else []), *([SPRING] if WORDS["spring"] in dict(marked) else [])]
     kind = "bad" if certain else "warn"
     rings = [Markup('<circle class="line stroke-{}{}" stroke-width="4" cx="{}" cy="{}" r="21" fill="none"/>').format(
-        kind, "" if certain else " dashed", *where) for _, where in marked]
+        kind, "" if certain else " dashed", *place)
+        for name, where in marked for place in (JOINTS.values() if name == WORDS["robot"] else (where,))]
     names = [*_labels([one for one in marked if one[1][0] <= COLUMN], kind, left=True),
              *_labels([one for one in marked if one[1][0] > COLUMN], kind, left=False)]
     label = ("The arm under test; marked: " if certain else "The arm under test; it may be: ") + (

@@ -45,7 +45,7 @@ def extended_model(judgement: Judgement) -> IdentifiedModel:
     return IdentifiedModel(cell.robot, cell.flange_from_tcp, mean, covariance,
                            tuple(grade.grade for grade in grades), figures, tuple(inside),
                            fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre, interval=interval,
-                           differs=differs)
+                           differs=differs, made_from=judgement.rows.made_from)
 
 
 def _check(judgement: Judgement) -> ModelCheck:

@@ -29,6 +29,8 @@ MOST_CHECKS, MOST_OVERLOOKED = 4, 6
 FORMAT = "compstiff-diagnosis"
 # A p-value above this is no alarm.
 ALARMING = 0.05
+# Odds of more powers of ten than this are only said to be over that.
+CERTAIN = 12
 
 
 def record(judgement: Judgement) -> dict[str, Any]:
@@ -177,7 +179,7 @@ def answer(judgement: Judgement) -> list[str]:
     decades = _decades(judgement)
     if decades is not None and judgement.detection.p_value > NAMING:
         lines.append("  a noise large enough would show as much (p above); with how large noise usually is the name is "
-                     f"10^{decades:.0f} times likelier than nothing")
+                     f"{f'10^{decades:.0f}' if decades < CERTAIN else f'over 10^{CERTAIN}'} times likelier than nothing")
     lines += [f"  {needed(part, factor)}" for part, factor in judgement.scatter.items()]
     if judgement.gain is not None:
         gain = judgement.gain
@@ -229,7 +231,7 @@ def _beside_the_names(judgement: Judgement) -> list[str]:
         why = f"{cause_words(brought[cause.label])} brings so much of it along" if cause.label in brought else (
             "too small against its typical size to be a name")
         lines.append(f"  beside it something smaller is at work, up to {content['largest_um']:.0f} um: "
-                     f"{cause_words(cause.label)} ({cause.label}: {values}, +- 2 sigma) is in the model; {why}")
+                     f"{cause_words(cause.label)} ({cause.label}: {values}, 2 sigma) is in the model; {why}")
     if judgement.law_differs:
         lines.append("  it explains nearly all of the misfit, but not to the noise: the real law differs a little from the "
                      "dictionary's, or something smaller is at work beside it")
@@ -245,7 +247,7 @@ def _overlooked(judgement: Judgement) -> list[str]:
     every, missed = judgement.showing, judgement.overlooked
     if not every:
         return []
-    names = ", ".join(f"{cause_words(each.entry.label)} {1e6 * each.typical_largest:.0f}" for each in missed[:MOST_OVERLOOKED])
+    names = ", ".join(f"{cause_words(each.entry.label)}: {1e6 * each.typical_largest:.0f}" for each in missed[:MOST_OVERLOOKED])
     more = f" and {len(missed) - MOST_OVERLOOKED} more" if missed[MOST_OVERLOOKED:] else ""
     causes = "other possible causes" if judgement.causes else "possible causes"
     lines = [f"  these rows would have shown {len(every) - len(missed)} of {len(every)} {causes} of typical size, four times "
@@ -254,7 +256,7 @@ def _overlooked(judgement: Judgement) -> list[str]:
     if held:
         gears = f"gear{'s' if held[1:] else ''} {', '.join(map(str, held))}"
         lines.append(f"  of play and soft zones of {gears} this holds where the "
-                     "arm's weight does not press the teeth to one side: the robot file states no `links`")
+                     "arm's weight does not press the teeth to one side: the robot file states no links")
     return lines
 
 
@@ -262,7 +264,7 @@ def _cause_line(judgement: Judgement, cause: Cause) -> str:
     content = _cause(judgement, cause)
     values = ", ".join(f"{parameter_words(name)} {value(item)}" for name, item in content["parameters"].items())
     line = (f"named: {cause.sentence}. In these measurements it makes up to {content['largest_um']:.0f} um "
-            f"({cause.label}: {values}, +- 2 sigma; probability {cause.probability:.3f})")
+            f"({cause.label}: {values}, 2 sigma; probability {cause.probability:.3f})")
     if cause.open_laws and judgement.robot_difference is not None:
         laws = ", ".join(f"{cause_words(name)} {probability:.2f}" for name, probability in cause.open_laws.items())
         line += (f"; its law is open ({laws} would do as well): for a correction the choice makes "

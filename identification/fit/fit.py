@@ -175,7 +175,7 @@ def fit_stiffness(
     model = IdentifiedModel(cell.robot, cell.flange_from_tcp, fitted.mean, fitted.covariance,
                             tuple(grade.grade for grade in grades), figures, (), fall_in_base(cell.world_from_base),
                             cell.tool_mass, cell.tool_centre, interval=fitted.draws.interval(0.95),
-                            differs=figures["noise"]["setup_relative"])
+                            differs=figures["noise"]["setup_relative"], made_from=measurements.made_from)
     findings = (*measurements.findings, *_rejected(measurements.source, check), *mistaken,
                 *visit_findings(test, bad, measurements.source, _changed(whole, fitted)),
                 *_findings(fitted, grades, conflicts), *moving_zero(fitted), *_not_better(measurements.source, held_out),

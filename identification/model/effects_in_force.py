@@ -40,7 +40,7 @@ class EffectInForce:
     @property
     def sentence(self) -> str:
         """The cause in plain words."""
-        return self.effect.sentence.format(joint=self.joint)
+        return self.effect.told(self.joint)
 
     @property
     def names(self) -> list[str]:

@@ -52,7 +52,8 @@ class IdentifiedModel:
     for effects that gravity torques enter. unknown_weight: 1 sigma, as a share of the deviation, of what the robot's own weight
     adds where its file has no `links`; unknown_law: of how far a named effect's real law is off, as a share of what the effect
     adds; differs: of how the compliance differed from one pose to the next beyond all that was found: forces set up anew, or a
-    cause without a name, which the load tests cannot tell apart. source: the file it was read from, None: none.
+    cause without a name, which the load tests cannot tell apart. source: the file it was read from, None: none. made_from: the
+    tables it was identified from, each by `file`, its name, and `sha256`; none where they were no files.
     """
 
     robot: RobotModel
@@ -70,6 +71,7 @@ class IdentifiedModel:
     unknown_law: float = UNKNOWN_LAW
     differs: float = 0.0
     source: Path | None = None
+    made_from: tuple[dict[str, str], ...] = ()
 
     @property
     def compliance(self) -> Array:
@@ -278,6 +280,7 @@ class IdentifiedModel:
             "format": FORMAT, "version": 1, "robot": self.robot.name, "load_path": self.robot.load_path,
             "robot_sha256": self.robot.sha256, "geometry_sha256": self.robot.geometry_sha256,
             **({"serial_number": self.robot.serial_number} if self.robot.serial_number else {}),
+            **({"made_from": list(self.made_from)} if self.made_from else {}),
             "tool": {"position_mm": (1e3 * tool.position).tolist(), "quaternion": tool.quaternion.tolist()},
             "parameters": parameters,
             "covariance": covariance.tolist(),

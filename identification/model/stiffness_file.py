@@ -62,6 +62,11 @@ class NamedEffect(_File):
     joint: StrictInt | None = None
 
 
+class _Table(_File):
+    file: str
+    sha256: str
+
+
 class StiffnessFile(_File):
     """stiffness.json."""
 
@@ -72,6 +77,7 @@ class StiffnessFile(_File):
     robot_sha256: str | None = None
     geometry_sha256: str | None = None
     serial_number: str | None = None
+    made_from: list[_Table] = []
     tool: Any = None
     parameters: list[_Parameter] = Field(min_length=6)
     covariance: list[list[FiniteFloat]]
@@ -102,7 +108,8 @@ def read_stiffness(file: str | Path, cell: Cell) -> IdentifiedModel:
     return IdentifiedModel(
         cell.robot, cell.flange_from_tcp, mean, covariance, tuple(parameter.grade for parameter in content.parameters[SPRINGS]),
         content.fit, in_force, fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre,
-        differs=_differs(content, name), source=Path(file))
+        differs=_differs(content, name), source=Path(file),
+        made_from=tuple(table.model_dump() for table in content.made_from))
 
 
 def _differs(file: StiffnessFile, name: str) -> float:

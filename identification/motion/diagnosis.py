@@ -94,7 +94,7 @@ class JointLogDiagnosis:
     def extended(self) -> IdentifiedModel:
         """The model to correct with: the stiffnesses and, of the named causes, those that the robot shows at rest too."""
         left = rms(np.concatenate([axis.residuals[:, 1] for axis in self.axes]))
-        return identified_model(self.cell, [axis.stiffness for axis in self.axes],
+        return identified_model(self.cell, [axis.stiffness for axis in self.axes], self.logs,
                                 [cause for axis in self.axes for cause in axis.causes], MICRO * left)
 
     def _gain(self) -> dict[str, Any] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -62,11 +63,12 @@ def fit_joint_logs(cell: Cell, logs: Sequence[MotionLog]) -> JointLogFit:
     check_distinct(logs)
     numbers = sorted({joint for log in logs for joint in log.joints})
     joints = tuple(axis_stiffness(joint, list(logs), find_transmission(joint, list(logs), None)) for joint in numbers)
-    return JointLogFit(cell, tuple(logs), identified_model(cell, joints), joints, stiffness_findings(logs, joints))
+    return JointLogFit(cell, tuple(logs), identified_model(cell, joints, logs), joints, stiffness_findings(logs, joints))
 
 
 def identified_model(
-    cell: Cell, joints: Sequence[AxisStiffness], causes: Sequence[LogCause] = (), residual_urad: float | None = None
+    cell: Cell, joints: Sequence[AxisStiffness], logs: Sequence[MotionLog], causes: Sequence[LogCause] = (),
+    residual_urad: float | None = None,
 ) -> IdentifiedModel:
     """stiffness.json's model: joints without link encoder, or refused, at their prior; causes: effects in force."""
     known = {joint.joint: joint for joint in joints}
@@ -83,7 +85,8 @@ def identified_model(
            "residual_rms_urad": residual_urad, "joints": [joint.as_dict() for joint in joints]}
     return IdentifiedModel(cell.robot, cell.flange_from_tcp, np.array(mean), np.diag(variance), grades, fit,
                            tuple(EffectInForce(cause.shape.effect, cause.joint) for cause in kept),
-                           fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre)
+                           fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre,
+                           made_from=tuple({"file": Path(log.source).name, "sha256": log.sha256} for log in logs if log.sha256))
 
 
 def stiffness_findings(logs: Sequence[MotionLog], joints: Sequence[AxisStiffness]) -> tuple[Finding, ...]:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.files import sha256
 from identification.common.findings import CompstiffError, Finding, error
 from identification.common.tables import opened, read_table
 from identification.model.joint_log import JointLog
@@ -25,12 +26,14 @@ MOST_LAG, WORTH_SAYING = 5, 0.5
 
 @dataclass(frozen=True, eq=False)
 class MotionLog:
-    """One record: time (n,) [s], even steps. joints: by number, compliance left at one."""
+    """One record: time (n,) [s], even steps. joints: by number, compliance left at one. sha256: of the
+    file's bytes."""
 
     source: str
     time: Array
     joints: dict[int, JointLog]
     findings: tuple[Finding, ...]
+    sha256: str = ""
 
     @property
     def rate(self) -> float:
@@ -109,7 +112,7 @@ def read_motion_log(file: str | Path) -> MotionLog:
             findings.append(Finding("CS1506", "note", f"q{k}_speed_deg_s lies {abs(lag) * step:.1f} ms "
                                     f"{'behind' if lag > 0 else 'ahead of'} the motor angle; the speed is taken from the angle",
                                     file=name))
-    return MotionLog(name, time, logs, tuple(findings))
+    return MotionLog(name, time, logs, tuple(findings), sha256(file))
 
 
 def _table(file: Path) -> tuple[dict[str, Array], NDArray[np.intp], list[Finding]]:

@@ -108,6 +108,10 @@ class Effect(ABC):
         """Its name in stiffness.json, with its law."""
         return f"{self.name}.{self.law}" if self.law else self.name
 
+    def told(self, joint: int | None) -> str:
+        """The sentence of the cause at this joint."""
+        return self.sentence.format(joint=joint)
+
     @property
     def size_parameter(self) -> Parameter:
         """The first parameter that says how large it is."""

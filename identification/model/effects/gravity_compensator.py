@@ -6,6 +6,8 @@ from identification.model.effects.kinds import SofterAbout, SofterAtAngles, ampl
 
 NAME, JOINTS = "gravity_compensator", (2,)
 SENTENCE = "joint 2 is stiffer at some of its angles than at others, as a gravity compensator makes it"
+WORN = ("joint 2 is softer about one of its angles than elsewhere, as a gear that has worn most there, or a gravity "
+        "compensator, makes it")
 SETTLES = ("look whether a spring or cylinder carries the lower arm: where the robot file has no links, a gear that grows "
            "stiffer under the arm's weight looks the same; measure at more angles of joint 2")
 
@@ -35,7 +37,7 @@ class WornAbout(SofterAbout):
     carries_weight = True
     name = NAME
     joints = JOINTS
-    sentence = SENTENCE
+    sentence = WORN
     settles = SETTLES
 
 

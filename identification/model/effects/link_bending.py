@@ -9,6 +9,8 @@ from identification.model.effects.base import Parameter
 from identification.model.effects.kinds import AtJoint
 from identification.model.load_state import LoadState
 
+# By the joint that a link follows.
+LINKS = {2: "lower arm", 3: "forearm"}
 
 class Twist(AtJoint):
     """The moment M_u along the lower arm turns all beyond it about the arm by M_u L / GJ. (The forearm's twist is what the gear
@@ -26,7 +28,7 @@ class Twist(AtJoint):
                   source="engineering judgement: GJ = 1e7 N m^2, a closed steel box of 0.26 m with walls of 5 mm",
                   bounds_source="engineering judgement: rigid, to a fortieth of the typical GJ"),
     )
-    sentence = "link {joint} (2 lower arm) twists about its length"
+    sentence = "the lower arm (link 2) twists about its length"
     settles = "a dial gauge on either side of the elbow while the tool is pushed sideways"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
@@ -59,6 +61,9 @@ class LinkBending(AtJoint):
     )
     sentence = "link {joint} (2 lower arm, 3 forearm) bends"
     settles = "a force at the elbow, not at the tool"
+
+    def told(self, joint: int | None) -> str:
+        return f"the {LINKS[joint]} (link {joint}) bends" if joint in LINKS else super().told(joint)
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         z2 = rows.axes[:, 1]

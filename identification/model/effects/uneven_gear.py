@@ -6,6 +6,7 @@ from identification.model.effects.kinds import SofterAbout, SofterAtAngles, ampl
 
 NAME, JOINTS = "uneven_gear", (1, 3, 4, 5, 6)
 SENTENCE = "the gear of joint {joint} is softer at some of its angles than at others"
+WORN = "the gear of joint {joint} is softer about one of its angles than elsewhere, as where it has worn most"
 SETTLES = "the same load at several angles of that joint, the other joints as they are"
 
 
@@ -33,7 +34,7 @@ class WornAbout(SofterAbout):
 
     name = NAME
     joints = JOINTS
-    sentence = SENTENCE
+    sentence = WORN
     settles = SETTLES
 
 

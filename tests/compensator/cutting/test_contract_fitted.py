@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compensator.coefficients.fit import check_in_the_stock, said_of_the_fit, table_coefficients
+from compensator.coefficients.fit import check_in_the_stock, said_of_the_fit, said_of_the_material, table_coefficients
 from compensator.coefficients.fitted import FittedCoefficients
 from compensator.coefficients.next_cut import next_cut
 from compensator.cutting.coefficients import Coefficients
@@ -54,14 +54,14 @@ def test_what_is_known_before_is_how_far_forces_scatter() -> None:
 
 
 @pytest.mark.parametrize(("mean", "aside", "used", "said"), [
-    ((8, 3, 1, 20, 10, 5), (1.9, -1.9, 0), 8, []), ((-8, 3, 1, 20, 10, 5), (0, 0, 0), 10, ["CS4734 a tangential"]),
+    ((8, 3, 1, 20, 10, 5), (2.9, -2.9, 0), 8, []), ((-8, 3, 1, 20, 10, 5), (0, 0, 0), 10, ["CS4734 a tangential"]),
     ((8, 3, 1, -2, 10, 5), (0, 0, 0), 10, ["CS4734 a tangential"]), ((8, -3, -1, 20, -10, -5), (0, 0, 0), 10, []),
-    ((8, 3, 1, 20, 10, 5), (0, 2.5, -3), 10, ["CS4735 the log fits best where the stock stands aside by -0.50 mm in y, "
-                                              "+0.60 mm in z,"]),
+    ((8, 3, 1, 20, 10, 5), (0, 3.5, -4), 10, ["CS4735 the log fits best where the stock stands aside by -0.70 mm in y, "
+                                              "+0.80 mm in z, more than 3 times the 0.2 mm that its file says"]),
     ((8, 3, 1, 20, 10, 5), (0, 0, 0), 7, ["CS4733 3 of 10 targets with force"]),
 ])
 def test_what_no_tool_and_no_stock_does_is_said(mean: tuple, aside: tuple, used: int, said: list[str]) -> None:
-    """Either tangential coefficient negative, and no other; a stock beside where its file says by more than two of the 0.2 mm
+    """Either tangential coefficient negative, and no other; a stock beside where its file says by more than three of the 0.2 mm
     that this states, which is to the other side than the tool; more than a fifth of the targets with force left out."""
     forces = SimpleNamespace(log=SimpleNamespace(source="log.csv"), forced=np.arange(12) < 10)
     found = said_of_the_fit(np.array(mean, dtype=float), np.array(aside, dtype=float), 2e-4, forces, np.arange(12) < used)
@@ -69,6 +69,22 @@ def test_what_no_tool_and_no_stock_does_is_said(mean: tuple, aside: tuple, used:
     for finding, words in zip(found, said, strict=True):
         assert (finding.level, finding.file) == ("warning", "log.csv")
         assert f"{finding.code} {finding.message}".startswith(words)
+
+
+@pytest.mark.parametrize(("shear", "stated", "said"), [
+    (780.0, "aluminium", ""), (450.0, "aluminium", ""), (3000.0, "aluminium", ""), (780.0, None, ""), (0.0, "aluminium", ""),
+    (780.0, "titanium", "31 % of the force that the table has for titanium, which it knows to about 40 %; it is 63 % of "
+     "aluminium's or 64 % of copper alloy's"),
+    (300.0, "aluminium", "24 % of the force that the table has for aluminium, which it knows to about 40 %"),
+    (3600.0, "aluminium", "292 % of the force that the table has for aluminium, which it knows to about 40 %; it is 128 % of "
+     "steel's or 118 % of stainless steel's or 143 % of titanium's")])
+def test_a_chip_force_is_held_against_the_stated_material(shear: float, stated: str | None, said: str) -> None:
+    """Kienzle by hand, of a chip 0.04 mm thick: (1 - m) k h^-m is 1233 N/mm^2 of aluminium (735, 0.25), 1215 of copper alloy
+    (700, 0.27), 2809 of steel (1740, 0.23), 3060 of stainless (1970, 0.21), 2519 of titanium (1560, 0.23)."""
+    found: Any = SimpleNamespace(mean=np.array([1e6 * shear, 0, 0, 0, 0, 0]))
+    told = said_of_the_material(found, stated, 0.08e-3, "log.csv")
+    assert [(one.code, one.level, one.message) for one in told] == (
+        [("CS4747", "warning", f"the chip needs {said}")] if said else [])
 
 
 @pytest.mark.parametrize(("touches", "refused"), [(10, False), (2, False), (1, True), (0, True)])

@@ -257,6 +257,21 @@ def test_what_a_scale_does_not_mend_is_said(passes: dict[str, Path], name: str, 
     assert code in {finding["code"] for finding in json.loads(result.stdout)["findings"]}
 
 
+@pytest.mark.parametrize(("factor", "said"), [(1.08, False), (1.25, True)])
+def test_axes_that_differ_by_a_few_per_cent_need_no_word(
+    passes: dict[str, Path], tmp_path: Path, factor: float, said: bool
+) -> None:
+    """Of a difference d along one of three like axes one scale leaves d sqrt(2) / 3: 4 % of the deviation, and 11."""
+    rows = np.loadtxt(passes["before"], delimiter=",", skiprows=1) * [1, factor, 1, 1]
+    unlike = csv(tmp_path, "unlike.csv", "target,dx_um,dy_um,dz_um", rows)
+    result = verify(passes["cell"], unlike, passes["after"], "--predicted", passes["predicted"], "--json")
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    axes = [document["result"]["predicted"]["axes"][axis]["interval"] for axis in "xy"]
+    assert axes[0][0] > axes[1][1], "the intervals are apart"
+    assert ("CS6030" in {finding["code"] for finding in document["findings"]}) == said
+
+
 def test_exit_codes_of_the_answer(passes: dict[str, Path], tmp_path: Path) -> None:
     files = (passes["cell"], passes["before"], passes["after"])
     assert verify(*files, "--tolerance-um", 200).exit_code == 0

@@ -13,17 +13,42 @@ from identification.diagnosis.arm_drawing import JOINTS, arm_drawing, places, so
 from identification.model.effects import effects
 
 
-def cause(name: str, joint: int | None) -> Any:
-    return SimpleNamespace(effect=effects()[name], joint=joint)
+def cause(name: str, joint: int | None, law: str = "") -> Any:
+    effect = effects()[name]
+    return SimpleNamespace(effect=next(one for one in (effect, *effect.other_laws) if one.law == law), joint=joint)
 
 
 @pytest.mark.parametrize("name", sorted(effects()))
 def test_every_cause_has_a_place(name: str) -> None:
-    for joint in effects()[name].joints or (None,):
-        (_, (x, y)), = places([cause(name, joint)])
-        assert 0 < x < 640
-        assert 0 < y < 320
-        ET.fromstring(str(arm_drawing([cause(name, joint)], certain=True)))
+    for law in ("", *(other.law for other in effects()[name].other_laws if other.law)):
+        for joint in effects()[name].joints or (None,):
+            one = cause(name, joint, law if law or not effects()[name].law else effects()[name].law)
+            (_, (x, y)), = places([one])
+            assert 0 < x < 640
+            assert 0 < y < 320
+            ET.fromstring(str(arm_drawing([one], certain=True)))
+
+
+@pytest.mark.parametrize(("name", "joint", "law", "told"), [
+    ("base_rocking", None, "column", "column"), ("gravity_compensator", 2, "worn", "joint 2"),
+    ("uneven_gear", 5, "worn", "joint 5"), ("link_bending", 2, "twist", "link 2"),
+    ("force_misalignment", None, "flange", "force sensor"),
+    ("creep", None, "element", "all joints"), ("softening", None, "settling", "all joints")])
+def test_a_law_sits_where_it_does(name: str, joint: int | None, law: str, told: str) -> None:
+    """What the whole robot does had been marked at its lower arm, a worn gear at a compensator, a column as the floor."""
+    picture = ET.fromstring(str(arm_drawing([cause(name, joint, law)], certain=True)))
+    assert picture.get("aria-label") == f"The arm under test; marked: {told}"
+    rings = {(int(one.get("cx")), int(one.get("cy"))) for one in picture.iter("circle") if one.get("r") == "21"}
+    assert rings == (set(JOINTS.values()) if told == "all joints" else rings)
+    assert len(rings) == (6 if told == "all joints" else 1)
+    if told.startswith("joint"):
+        assert rings == {JOINTS[joint]}
+
+
+def test_links_have_their_names() -> None:
+    bends, twists = effects()["link_bending"], effects()["link_bending"].other_laws[0]
+    assert [bends.told(2), bends.told(3), twists.told(2)] == [
+        "the lower arm (link 2) bends", "the forearm (link 3) bends", "the lower arm (link 2) twists about its length"]
 
 
 def test_the_joint_is_marked_where_it_stands_and_told_in_words() -> None:

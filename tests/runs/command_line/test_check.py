@@ -17,6 +17,12 @@ from tests.runs.command_line.workshop import workshop
 ROBOT = "irb6660-205-1.90"
 SAMPLES = Path(__file__).parents[3] / "samples"
 
+# As `compstiff cutting` writes it.
+CUTTING = {"format": "compstiff-cutting", "version": 1, "coefficients": ["Ktc", "Krc", "Kac", "Kte", "Kre", "Kae"],
+           "mean": [2100, 600, 400, 40, 40, 4], "covariance": [[0.0] * row + [1.0] for row in range(6)], "model_error": 0.03,
+           "cutter": {"diameter_mm": 16, "teeth": 3, "corner_radius_mm": 0, "flute_mm": None}, "material": "titanium",
+           "feed_a_tooth_mm": [0.08, 0.08], "told": {}}
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
@@ -45,6 +51,8 @@ def test_a_sound_job_is_sound_and_each_file_has_its_kind(folder: Path) -> None:
     (folder / "before.csv").write_text("target,dx_um,dy_um,dz_um\n0,1,2,3\n1,2,3,4\n")
     (folder / "points.csv").write_text("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,10,5\n")
     (folder / "notes.txt").write_text("not asked\n")
+    (folder / "part.stock.yaml").write_text("box: {from_mm: [-60, -40, -30], to_mm: [60, 80, 0]}\n")
+    (folder / "cutting.json").write_text(json.dumps(CUTTING))
     (folder / "said.json").write_text(kit.run("check", folder / "cell.yaml", "--json").out)
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     run = check(folder, folder, "--tare", "0:1")
@@ -54,9 +62,11 @@ def test_a_sound_job_is_sound_and_each_file_has_its_kind(folder: Path) -> None:
         "cell.yaml": "cell", "measurements.csv": "measurements", "stiffness.json": "stiffness", "part.mod": "toolpath",
         "corrected.mod": "toolpath", "part.forces.csv": "force log", "along.csv": "force log", "diagnosis.json": "diagnosis",
         "corrected.mod.json": "record", "offsets.csv": "offsets", "motion.csv": "joint log", "before.csv": "measured part",
-        "points.csv": "measured part", "said.json": "result"}
+        "points.csv": "measured part", "said.json": "result", "part.stock.yaml": "stock", "cutting.json": "cutting"}
     found = {Path(one["file"]).name: one["found"] for one in run.json["result"]["files"]}
     assert found["measurements.csv"] == "60 rows, 60 with a load, 10 poses, 0 rows kept back"
+    assert found["cutting.json"].endswith("in titanium, Ktc 2100 N/mm^2")
+    assert found["part.stock.yaml"] == "x -60 to 60; y -40 to 80; z -30 to 0 mm"
     assert run.json["result"]["passed_over"] == 1
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before, "nothing is written"
 
@@ -200,6 +210,11 @@ def test_a_plan_is_no_broken_measurement(folder: Path) -> None:
     run = check(folder, sheet)
     assert run.code == 0
     assert kit.codes(run) == {"CS0112"}
+    (folder / "filled.csv").write_text("\n".join([header, *rows]) + "\n")
+    beside = check(folder, sheet, folder / "filled.csv")
+    assert kit.codes(beside) == set()
+    assert {name: verdict for name, (_, verdict) in verdicts(beside).items()} == {
+        "cell.yaml": "ok", "measurements.csv": "ok", "filled.csv": "ok"}
     sheet.write_text("\n".join([header, rows[0], *(",".join(row.split(",")[:9]) + ",,," for row in rows[1:])]) + "\n")
     half = check(folder, sheet)
     assert half.code == 1
@@ -265,3 +280,13 @@ def test_the_samples_are_sound(tmp_path: Path) -> None:
     run = check(tmp_path, tmp_path)
     assert run.code == 0
     assert set(verdicts(run).values()) == {("cell", "ok"), ("measurements", "ok"), ("toolpath", "ok")}
+
+
+@pytest.mark.parametrize(("stated", "code"), [
+    ("teeth: 3, material: titanium", ""), ("teeth: 3", ""), ("teeth: 3, material: steel", "CS4721"), ("", "")])
+def test_cutting_coefficients_are_held_against_the_cell_s_cutter(folder: Path, stated: str, code: str) -> None:
+    cell = folder / "cell.yaml"
+    cell.write_text(cell.read_text() + (f"cutting: {{tool_diameter_mm: 16, {stated}}}\n" if stated else ""))
+    (folder / "cutting.json").write_text(json.dumps(CUTTING))
+    run = check(folder, folder / "cutting.json")
+    assert (run.code, kit.codes(run)) == ((1, {code}) if code else (0, set()))

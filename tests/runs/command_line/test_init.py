@@ -160,11 +160,12 @@ def test_every_answer_stands_in_the_cell(tmp_path: Path) -> None:
     done = kit.run("init", tmp_path / "new", "--robot", "irb4400-60", "--tool-tcp", "1.5,-2,250", "--tool-quaternion",
                    "0.70710678,0,0.70710678,0", "--tool-mass", "31.25", "--tool-centre", "4,5,-6", "--deflection-std", "7.5",
                    "--force-frame", "sensor", "--sensor-position", "0,0,61", "--sensor-quaternion", "0,1,0,0", "--force-sign",
-                   "by_tool", "--spindle-rpm", "12345", "--weights", "20,40")
+                   "by_tool", "--spindle-rpm", "12345", "--weights", "20,40", "--serial-number", '12 "b"')
     assert done.code == 0, done
     cell = yaml.safe_load((tmp_path / "new" / "cell.yaml").read_text())
     assert cell["tool"] == {"position_mm": [1.5, -2, 250], "quaternion": [0.70710678, 0, 0.70710678, 0], "mass_kg": 31.25,
                             "centre_of_mass_mm": [4, 5, -6]}
+    assert cell["serial_number"] == '12 "b"'
     assert cell["measurement"] == {"deflection_std_um": [7.5, 7.5, 7.5]}
     assert cell["force_log"] == {"frame": "sensor", "sensor_position_mm": [0, 0, 61], "sensor_quaternion": [0, 1, 0, 0],
                                  "sign": "by_tool", "spindle_rpm": 12345}
@@ -228,7 +229,9 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
         shown += seen
 
     try:
-        for question, answer in (("Robot", "?"), ("Robot (", "irb6660-205-1.90"), ("TCP", "120,0"), ("TCP", "120,0,250"),
+        for question, answer in (("Robot", "?"), ("Robot (", "KUKA KR 210 R2700"), ("Near it: kr210-r2700-extra", "?"),
+                                 ("Robot (", "irb6660-205-1.90"), ("serial number", "6660-1"), ("TCP", "120,0"),
+                                 ("TCP", "120,0,250"),
                                  ("Turn of the tool", ""), ("Mass", "80"), ("centre of mass", "10,0,180"), ("1 sigma", ""),
                                  ("hung weights", ""), ("Frame", "tool"), ("Do the logged", "")):
             until(question)
@@ -242,6 +245,7 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     assert "irb4400-60" in shown, "the question mark lists the robots"
     assert process.returncode == 0
     text = (tmp_path / "asked" / "cell.yaml").read_text()
-    for said in ("robot: irb6660-205-1.90", "position_mm: [120, 0, 250]", "mass_kg: 80", "centre_of_mass_mm: [10, 0, 180]",
+    for said in ("robot: irb6660-205-1.90", 'serial_number: "6660-1"',
+                 "position_mm: [120, 0, 250]", "mass_kg: 80", "centre_of_mass_mm: [10, 0, 180]",
                  "frame: tool", "spindle_rpm: 9000"):
         assert said in text

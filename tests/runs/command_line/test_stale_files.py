@@ -3,6 +3,8 @@ is not spoken of."""
 
 from __future__ import annotations
 
+import json
+import os
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,7 @@ from tests.runs.command_line.test_mistakes import ROBOTS, call
 from tests.runs.command_line.test_silent_mistakes import edited
 from tests.runs.command_line.workshop import workshop
 
-SAID = {"CS4129", "CS4205", "CS5026", "CS5028", "CS6101", "CS6103"}
+SAID = {"CS1205", "CS4129", "CS4205", "CS4206", "CS5026", "CS5028", "CS6101", "CS6103"}
 
 
 @pytest.fixture
@@ -88,4 +90,75 @@ def test_offsets_of_a_logged_pass_of_a_program_that_was_changed(corrected: Path)
 def test_offsets_without_a_record_are_taken_as_they_are(corrected: Path) -> None:
     (corrected / "out.mod.json").unlink()
     edited(corrected / "offsets.csv", corrected / "offsets.csv", 1.05)
+    assert kit.codes(push(corrected)) & SAID == set()
+
+
+@pytest.fixture
+def of_a_table(tmp_path: Path) -> Path:
+    """The same folder with stiffnesses that `identify` found in measurements.csv, which the correction is made with."""
+    assert workshop(ROBOTS[0]).run(tmp_path, {}, "identify", "@cell.yaml", "@measurements.csv", "-o", "@stiffness.json",
+                                   "--force").code == 0
+    done = again_with(tmp_path)
+    assert (done.code, kit.codes(done) & SAID) == (0, set()), done
+    return tmp_path
+
+
+def again_with(folder: Path) -> kit.Run:
+    words = call("--offsets", "@offsets.csv", "--force")
+    return kit.run(*(str(folder / word[1:]) if word.startswith("@") else word for word in words), "--json")
+
+
+def test_load_tests_that_were_changed_since_they_were_identified(of_a_table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Told by all that uses the stiffnesses, and no more once they are identified anew, or where the table is not there."""
+    table, stiffness = of_a_table / "measurements.csv", of_a_table / "stiffness.json"
+
+    def told() -> list[set[str]]:
+        calls = (again_with(of_a_table), push(of_a_table), upload(of_a_table, monkeypatch),
+                 kit.run("check", of_a_table / "cell.yaml", stiffness, "--json"))
+        assert [done.code for done in calls] == [0] * 4, calls
+        return [kit.codes(done) & SAID for done in calls]
+
+    assert told() == [set()] * 4
+    *rows, last = table.read_text().splitlines()
+    table.write_text("\n".join(rows) + "\n")         # its last reading is left out
+    assert told() == [{"CS1205"}] * 4
+    table.rename(of_a_table / "kept.csv")
+    assert told() == [set()] * 4
+    (of_a_table / "kept.csv").rename(table)
+    assert kit.run("identify", of_a_table / "cell.yaml", table, "-o", stiffness, "--force", "--json").code == 0
+    assert told() == [set()] * 4
+    diagnosed = kit.run("diagnose", of_a_table / "cell.yaml", table, "-o", of_a_table / "d.json", "--extended", stiffness,
+                        "--replicates", "19", "--force", "--json")
+    assert diagnosed.code == 0, diagnosed
+    table.write_text("\n".join([*rows, last]) + "\n")
+    assert kit.codes(again_with(of_a_table)) & SAID == {"CS1205"}
+
+
+def test_stiffnesses_that_name_no_table_are_read_as_before(of_a_table: Path) -> None:
+    content = json.loads((of_a_table / "stiffness.json").read_text())
+    del content["made_from"]
+    (of_a_table / "stiffness.json").write_text(json.dumps(content))
+    (of_a_table / "measurements.csv").write_text("")
+    assert kit.codes(again_with(of_a_table)) & SAID == set()
+
+
+def test_the_earlier_of_two_corrections(corrected: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second is made from the log of the pass with the first one's offsets, whatever the times of the files say; of two
+    from one log the later counts, and neither where a copy gave both one time."""
+    words = [word.replace("@out.mod", "@second.mod") for word in call(
+        "--logged-with", "@offsets.csv", "--offsets", "@second.csv", "--scale", "1.05")]
+    done = kit.run(*(str(corrected / word[1:]) if word.startswith("@") else word for word in words), "--json")
+    assert (done.code, kit.codes(done) & SAID) == (0, set()), done
+    records = [corrected / "out.mod.json", corrected / "second.mod.json"]
+    os.utime(records[1], (records[0].stat().st_mtime - 3600,) * 2)
+    for first in (push(corrected), upload(corrected, monkeypatch)):
+        assert kit.codes(first) & SAID == {"CS4206"}
+    (corrected / "second.csv").rename(corrected / "offsets.csv")
+    assert kit.codes(push(corrected)) & SAID == {"CS5026"}
+    record = json.loads(records[1].read_text())
+    record["offsets"]["file"], record["logged_with"] = "offsets.csv", None
+    for earlier, said in ((-3600.0, set()), (0.0, set()), (3600.0, {"CS4206"})):
+        records[1].write_text(json.dumps(record))
+        os.utime(records[1], (records[0].stat().st_mtime + earlier,) * 2)
+        assert kit.codes(upload(corrected, monkeypatch)) & SAID == said
     assert kit.codes(push(corrected)) & SAID == set()

@@ -125,13 +125,30 @@ def test_shares_that_are_none(job: MillingJob, offsets: Path) -> None:
         assert not (job.folder / "no.mod").exists()
 
 
-def test_push_says_what_it_does_not_send(job: MillingJob, found: Correction, offsets: Path) -> None:
-    more = len(found.part.target_mm) - len(job.part.target_mm)
-    answer = kit.run("push", job.cell, offsets, "--program", job.program)
-    assert "CS5008" in answer.err
-    assert f"{more} targets more" in answer.err
+def test_push_says_what_it_does_not_send(job: MillingJob, found: Correction, offsets: Path, tmp_path: Path) -> None:
+    """A note with the moves and half of the largest step between two offsets, by a reader of its own; a warning where they are
+    many; nothing where no target was added."""
+    lines = offsets.read_text().splitlines()
+    names, rows = lines[0].split(","), [line.split(",") for line in lines[1:]]
+    offset = np.array([[float(row[names.index(f"o{axis}_mm")] or 0) for axis in "xyz"] for row in rows])
+    moves = np.array([k for k, row in enumerate(rows) if row[names.index("added")].strip('"')])
+    step = 1e3 * np.linalg.norm(offset[moves] - offset[moves - 1], axis=1).max()
+    answer = kit.run("push", job.cell, offsets, "--program", job.program, "--json")
+    (said,) = [one for one in answer.json["findings"] if one["code"] == "CS5008"]
+    corrected = int(np.any(offset != 0, axis=1).sum())
+    assert said["message"].startswith(f"in {len(moves)} of {corrected} corrected moves")
+    assert f"up to about {0.5 * step:.0f} um at the worst" in said["message"]
+    assert said["level"] == ("warning" if len(moves) > corrected / 4 else "note")
+    few = tmp_path / "few.csv"
+    left = set(moves[:2].tolist())
+    few.write_text("\n".join([lines[0], *(",".join([*row[:-1], row[-1] if k in left else '']) for k, row in enumerate(rows))])
+                   + "\n")
+    assert names[-1] == "added"
+    (said,) = [one for one in kit.run("push", job.cell, few, "--program", job.program, "--json").json["findings"]
+               if one["code"] == "CS5008"]
+    assert (said["level"], said["message"].split(" of")[0]) == ("note", "in 2")
     none = job.correct(job.folder / "pass1.csv", job.folder / "stiffness.json", settings(keep_targets=True))
-    assert "CS5008" not in kit.run("push", job.cell, job.offsets(none, "kept.csv"), "--program", job.program).err
+    assert "CS5008" not in kit.run("push", job.cell, job.offsets(none, "kept.csv"), "--program", job.program, "--json").out
 
 
 def measured(folder: Path, name: str, number: np.ndarray, off_um: np.ndarray) -> Path:

@@ -13,7 +13,7 @@ from tests.runs.milling.first_part_job import CUTTING, stock_file
 from tests.runs.milling.milling_job import MillingJob
 from tests.virtual_cell.milled_part import slot_and_pocket
 
-SAID = {"CS3075", "CS3076", "CS4733", "CS4734", "CS4735", "CS4738", "CS4745", "CS4746"}
+SAID = {"CS3035", "CS3075", "CS3076", "CS3094", "CS4733", "CS4734", "CS4735", "CS4738", "CS4745", "CS4746", "CS4747"}
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,19 @@ def test_a_ball_for_a_flat_cutter(job: MillingJob) -> None:
 
 
 def test_a_stock_that_stands_higher_in_its_file(job: MillingJob) -> None:
-    assert "CS4746" in cutting(job, moved(job, height_mm=2.0))
+    assert "CS4747" in cutting(job, moved(job, height_mm=2.0))
+
+
+@pytest.mark.parametrize(("old", "new", "said"), [
+    ("teeth: 3", "teeth: 2", {"CS3094"}), ("teeth: 3", "teeth: 4", {"CS3094"}), ("9000", "4500", {"CS3094"}),
+    ("9000", "18000", {"CS3035"}), ("aluminium", "titanium", {"CS4747"}), ("aluminium", "superalloy", {"CS4747"})])
+def test_a_cutter_a_speed_and_a_material_that_are_not_those_of_the_log(
+    job: MillingJob, old: str, new: str, said: set[str]
+) -> None:
+    """The truth has three teeth at 9000 rpm, and Ktc of 767 N/mm^2."""
+    assert old in CUTTING
+    job.cell_with("other.yaml", CUTTING.replace(old, new))
+    assert cutting(job, job.folder / "part.stock.npz", cell="other.yaml") == said
 
 
 @pytest.mark.parametrize("aside_mm", [150.0, -150.0])
