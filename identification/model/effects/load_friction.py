@@ -18,7 +18,7 @@ class LoadFriction(OfWrench):
 
     name = "load_friction"
     family = "load path"
-    formula_source = ("engineering judgement: Coulomb's friction at a sheave, a guide or a cylinder's seal: a share of the load, "
+    formula_source = ("engineering judgement: Coulomb's friction at a sheave, a guide or a seal: a share of the load, "
                       "against the motion")
     parameters = (Parameter("share", "1", 0.02, -0.3, 0.3,
                             source="engineering judgement: a sheave takes 1 to 5 % of the load",
