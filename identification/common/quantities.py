@@ -58,11 +58,15 @@ def parameter_words(name: str) -> str:
 
 
 def cause_words(label: str) -> str:
-    """The name of a cause for people; in files, and for `explain`, it is the label.
+    """The name of a cause, or of several at once, for people; in files, and for `explain`, it is the label.
 
     >>> [cause_words(label) for label in ("soft_zone[2]", "link_bending[3]", "tool_point", "force_sign[y]")]
     ['soft zone of joint 2', 'link bending of link 3', 'tool point', 'force sign y']
+    >>> cause_words("soft_zone[5] + spindle_compliance")
+    'soft zone of joint 5 + spindle compliance'
     """
+    if " + " in label:
+        return " + ".join(map(cause_words, label.split(" + ")))
     name, _, place = label.partition("[")
     place = place.removesuffix("]")
     part = "link " if name == "link_bending" else "joint "

@@ -28,7 +28,7 @@ from identification.model.kinematics import jacobian
 
 Array = NDArray[np.float64]
 # At most so many are told, each with this probability at least, and a misfit that chance makes so often.
-MOST, WORTH_TELLING, FITS = 3, 0.05, 1e-3
+MOST, WORTH_TELLING, FITS = 3, 0.25, 1e-3
 # Angles taken from a visit that is right itself are so many times rarer than another slip.
 FROM_ANOTHER = "another visit's angles"
 RARER = {FROM_ANOTHER: 10.0}

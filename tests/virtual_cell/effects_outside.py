@@ -60,7 +60,7 @@ def floor_bolt(plant: Plant, joint: None, parameters: Parameters) -> None:
                               parameters["angle_rad"], preload=30.0))
 
 
-@effect("rod_stretch", lambda draw: {"compliance_m_per_n": draw.factor * 8e-9})
+@effect("rod_stretch", lambda draw: {"compliance_m_per_n": draw.factor * 8e-9}, known_as="parallelogram")
 def rod_stretch(plant: Plant, joint: None, parameters: Parameters) -> None:
     """The parallel rod and its bearings yield along the rod: the softer for joint 3, the flatter the parallelogram."""
     plant.yields("rod_length", parameters["compliance_m_per_n"])

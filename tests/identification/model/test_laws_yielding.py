@@ -29,7 +29,7 @@ def drawn(count: int = 8, *, heavy: bool = False, moments: bool = False) -> Load
 
 
 @pytest.mark.parametrize(("law", "joint", "values"), [
-    ("link_bending.twist", 2, [1e-7]), ("base_rocking.column", None, [5e-8, 0.7])])
+    ("link_bending.twist", 2, [1e-7]), ("link_bending.beam", 2, [1e-7]), ("base_rocking.column", None, [5e-8, 0.7])])
 def test_maxwell_betti(law: str, joint: int | None, values: list[float]) -> None:
     """What a load along a moves along b, the same load along b moves along a; no load gains energy."""
     rows, effect = drawn(), known(law)
@@ -149,6 +149,47 @@ def test_a_load_that_comes_from_the_same_side_of_the_cell_acts_there() -> None:
     hung = replace(rows, wrench=np.concatenate([np.tile(rows.fall * 20, (len(rows), 1)), np.zeros((len(rows), 3))], axis=1))
     assert effect.missing(hung)
     assert not effect.missing(rows)
+
+
+def test_a_box_bends_as_a_beam_and_twists_as_a_bar() -> None:
+    """GJ = 0.385 E 1.5 I."""
+    rows, beam = drawn(moments=True), known("link_bending.beam")
+    twist, bent = known("link_bending.twist"), known("link_bending")
+    assert beam is not None
+    assert twist is not None
+    assert bent is not None
+    both = beam.contribution(rows, 2, np.array([1e-7]))
+    parts = bent.contribution(rows, 2, np.array([1e-7])) + twist.contribution(rows, 2, np.array([1e-7 / (0.385 * 1.5)]))
+    assert_allclose(both, parts, rtol=0.01, atol=0.01 * np.abs(parts).max())
+
+
+def test_a_rod_that_yields_turns_the_crank_as_the_linkage_does() -> None:
+    """The crank's turn by a rod that is longer, solved in the plane: shoulder, elbow, a crank at each, the rod between. What it
+    carries follows from the work of the torque. The part that is the same at all poses is the gear's."""
+    arm, rng = robot("irb4400-60"), np.random.default_rng(4)
+    wrench = np.concatenate([rng.uniform(-400, 400, (12, 3)), np.zeros((12, 3))], axis=1)
+    rows, effect = load_state(arm, TOOL, random_poses(arm, 12, rng, 0.6), wrench, COMPLIANCE), known("parallelogram.rod")
+    assert effect is not None
+    assert effect.missing(drawn())
+    share = 0.3
+    moved = effect.contribution(rows, None, np.array([share, 0.0]))
+    length, crank = 1.0, 0.25
+    for n in range(len(rows)):
+        lower, fore = rows.origins[n, 2] - rows.origins[n, 1], rows.axes[n, 3]
+        angle = np.arccos(lower @ fore / np.linalg.norm(lower))
+        assert 0.2 < angle < np.pi - 0.2
+        rest = crank * np.array([np.cos(angle), np.sin(angle)])
+
+        def rod(turn: float, angle: float = angle, rest: np.ndarray = rest) -> float:
+            """Length of the rod with the elbow's crank turned."""
+            end = np.array([length, 0.0]) + crank * np.array([np.cos(angle + turn), np.sin(angle + turn)])
+            return float(np.linalg.norm(end - rest))
+
+        stretch = (rod(1e-6) - rod(-1e-6)) / 2e-6
+        column = rows.serial_jacobian[n, :, 2]
+        # c / (a sin g)^2 in units of c / a^2, the gear's compliance times the share.
+        expected = share * COMPLIANCE[2] * (column @ rows.wrench[n]) * (crank / stretch) ** 2 * column
+        assert_allclose(moved[n], expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
 
 
 def test_a_warm_up_comes_to_an_end() -> None:
