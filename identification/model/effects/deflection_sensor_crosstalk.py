@@ -35,7 +35,7 @@ class OneWay(_Crosstalk):
     law = "one_way"
     formula_source = "engineering judgement: a sensor reads along its own line"
     parameters = one_way(0.014, source="engineering judgement: a sensor that was set up by eye to a degree",
-                         bounds_source="engineering judgement: either way, to 11 degrees, which are seen by eye")
+                         bounds_source="engineering judgement: either way, to 27 degrees, which are seen by eye")
 
     def misread(self, rows: LoadState, values: Array) -> Array:
         return np.asarray(rows.elastic[:, :3] @ crossed_one_way(values).T)

@@ -40,7 +40,7 @@ class OneWay(_Crosstalk):
     law = "one_way"
     formula_source = "engineering judgement: an amplifier's wire, or one cylinder that leans, is not alike in both directions"
     parameters = one_way(0.01, source="engineering judgement: cross-talk of six-axis sensors is stated as 1 to 2 %",
-                         bounds_source="engineering judgement: either way, to axes that are 11 degrees off square")
+                         bounds_source="engineering judgement: either way, to an axis that is 27 degrees off")
 
     def share(self, values: Array) -> Array:
         return crossed_one_way(values)

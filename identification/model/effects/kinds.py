@@ -77,7 +77,7 @@ def crossed(values: Array) -> Array:
 
 def one_way(typical: float, *, source: str, bounds_source: str) -> tuple[Parameter, ...]:
     """Shares (6,) that each of three axes sees of each of the others."""
-    return tuple(Parameter(a + b, "1", typical, -0.2, 0.2, source=source, bounds_source=bounds_source)
+    return tuple(Parameter(a + b, "1", typical, -0.5, 0.5, source=source, bounds_source=bounds_source)
                  for a in "xyz" for b in "xyz" if a != b)
 
 

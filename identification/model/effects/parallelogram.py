@@ -14,7 +14,8 @@ FLATTEST = 0.03
 
 class Rod(Effect):
     """The rod and its bearings yield along it: the driven joint turns by `share c tau / sin^2 g`, c the compliance of its gear,
-    tau its torque, g the angle between lower arm and crank: that between lower arm and forearm, plus `crank_rad`. The part that is the same at all angles is the gear's own."""
+    tau its torque, g the angle between lower arm and crank: that between lower arm and forearm, plus `crank_rad`. The part that
+    is the same at all angles is the gear's own."""
 
     name = "parallelogram"
     law = "rod"
