@@ -20,8 +20,8 @@ from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
 from identification.fit.mistakes.first_look import first_look
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.judge import Mistakes, common_factor_findings, mistakes_in
-from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
 from identification.fit.mistakes.mistake import Mistake
+from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
 from identification.fit.mistakes.search import _Guess, _Look, _of_alike, search
 from identification.fit.mistakes.sizes import SIZES, JointZero, ReferenceLoad, Size, ToolOffset
 from identification.fit.mistakes.units import time_mistake, unit_mistake
