@@ -191,10 +191,12 @@ def test_the_rival_that_is_likelier_by_itself_is_found(monkeypatch: pytest.Monke
     assert tried == [(1,), (3,), (4,)]
     other.evidence = 2.9
     assert likelier_fit(found) is None
+    fitting(monkeypatch, {})
+    assert likelier_fit(found) is None, "none of the others converges"
     found.best = None
     assert likelier_fit(found) is None
+    tried = fitting(monkeypatch, {})
     many = seen_of(((0,), 0.3), *(((k,), 0.1) for k in (1, 2, 3, 4, 1)))
-    tried.clear()
     likelier_fit(SimpleNamespace(best=many.hypotheses[0], seen=many, fitted=fit_of(0.0)))       # type: ignore[arg-type]
     assert len(tried) == 4
 
@@ -259,8 +261,8 @@ def test_a_term_of_nothing_is_one_that_the_rows_do_not_need(monkeypatch: pytest.
         return SimpleNamespace(label=label, neutral=np.arange(1.0, 1 + len(shapes)), effect=SimpleNamespace(
             parameters=[SimpleNamespace(shape=shape) for shape in shapes]))
 
-    terms = [one("small", [False, True]), one("large", [True, False]), one("needed", [False])]
-    mean = np.concatenate([np.zeros(6), [1.0 + 1.9, 99.0], [1.0, 2.0 + 2.1], [1.0]])
+    terms = [one("small", [True, False]), one("large", [True, False]), one("needed", [False])]
+    mean = np.concatenate([np.full(6, 50.0), [99.0, 2.0 + 1.9], [1.0, 2.0 + 2.1], [1.0]])
     extended: Any = SimpleNamespace(terms=terms, mean=mean, covariance=np.eye(11), data=None, evidence=0.0)
     for without, found in ((-6.8, {"small", "needed"}), (-7.0, {"small"})):
         monkeypatch.setattr(naming, "log_evidence", lambda fit: fit.evidence)

@@ -7,9 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import sqrtm
+from scipy.stats import f
 
 from identification.common.findings import CompstiffError
+from identification.fit import misfit
 from identification.fit.fit import Fit, fit_stiffness
+from identification.fit.load_test import LoadTest
+from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
+from identification.fit.posterior import posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from tests.second_cell import cell as second_cell
@@ -121,3 +127,34 @@ def test_many_light_rows_are_one_finding(tmp_path: Path) -> None:
     told = [finding for finding in fit.findings if finding.code == "CS1015"]
     assert len(told) == 1
     assert f"{light} of" in told[0].message
+
+
+@pytest.mark.parametrize("seed", [701, 702])
+def test_a_kind_of_misfit_is_as_unlikely_as_the_f_distribution_says(seed: int, tmp_path: Path) -> None:
+    """The same by least squares on all readings at once, whitened by the whole covariance, the prior as readings more: what the
+    columns take of the squares that the springs leave."""
+    cell, rows = read(simulate(seed, "paper5"), tmp_path)
+    fitted = posterior(LoadTest.of(cell, rows))
+    degrees = NoiseDegrees(fitted, *beside_the_springs(fitted))
+    count, free = 3 * len(fitted.data.rows), degrees.design.shape[2]
+    unit = np.eye(count).reshape(-1, 3, count)
+    root = np.real(sqrtm(fitted.weights.inner(unit, unit)))
+    design = root @ degrees.design.reshape(count, free)
+    told = np.vstack([design, np.real(sqrtm(degrees.precision))])
+    readings = np.append(root @ fitted.at_map.residual.ravel(), np.zeros(free))
+
+    def squares(columns: np.ndarray) -> float:
+        return float(np.sum((readings - columns @ np.linalg.lstsq(columns, readings, rcond=None)[0]) ** 2))
+
+    tried = 0
+    for _, columns in misfit._kinds(fitted.load_state):
+        columns = columns[:, :, :1]
+        moved = root @ (fitted.at_map.noise.whitening @ columns).reshape(count, 1)
+        without = squares(told)
+        explained = without - squares(np.hstack([told, np.vstack([moved, np.zeros((free, 1))])]))
+        left = fitted.readings - 6 - 1
+        expected = f.sf(explained / ((without - explained) / left), 1, left)
+        if expected >= misfit.WORTH_DEGREES:
+            tried += 1
+            assert misfit._p_value(degrees, columns) == pytest.approx(expected, rel=1e-6)
+    assert tried >= 2

@@ -20,8 +20,9 @@ from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
 from identification.fit.mistakes.first_look import first_look
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.judge import Mistakes, common_factor_findings, mistakes_in
+from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
-from identification.fit.mistakes.search import search
+from identification.fit.mistakes.search import _Guess, _Look, _of_alike, search
 from identification.fit.mistakes.sizes import SIZES, JointZero, ReferenceLoad, Size, ToolOffset
 from identification.fit.mistakes.slipped import slipped_mistakes
 from identification.fit.mistakes.units import time_mistake, unit_mistake
@@ -229,3 +230,40 @@ def test_a_mistake_stands_against_physics_by_its_odds() -> None:
     assert [beside.against(0.0, name) for name in (True, False)] == [tuple(slight), ()]
     assert not beside.clearly(0.0)
     assert Mistakes(nothing, (), None).against(-np.inf, True) == ()
+
+
+def test_what_may_be_the_same_is_said_of_the_same_rows_alone() -> None:
+    """Of guesses that leave the same rows one is told, with the others of another quantity that stand in the same rows."""
+    def guess(key: str, rows: Any) -> Any:
+        return _Guess(Mistake(key, f"{key} of {{rows}}", "look", "table", lambda data: data), rows, 0.0, 0.0)
+
+    late, later = np.arange(6) > 2, np.arange(6) > 3
+    for rows, others, said in ((None, None, True), (late, late.copy(), True), (late, later, False), (late, None, False),
+                               (None, late, False)):
+        told = _of_alike([guess("force_sign", rows), guess("deflection_sign", others), guess("force_swapped", rows)])
+        assert told.mistake.key == "force_sign"
+        assert ("or, which is the same to these rows, deflection_sign of {rows}" in told.mistake.sentence) is said
+        assert "force_swapped" not in told.mistake.sentence
+
+
+def test_a_size_costs_what_its_readings_tell_it(data: LoadTest) -> None:
+    """Half of ln of their number for each that is fitted: a TCP that is off along three axes thrice what it is along one."""
+    look = _Look(data)
+    springs = log_scores(sums(linear(data)).total(), data.prior.prior.log_std)[1][0]
+    for guess in look._of_sizes(springs):
+        best, score = look._sized(guess.size, guess.joint, springs)
+        cost = len(best) * np.log(np.sqrt(data.rows.deflection.size))
+        assert guess.score - guess.log_prior == pytest.approx(score - cost)
+        assert guess.log_prior < 0
+
+
+@pytest.mark.parametrize(("force", "share"), [(50.0, 1.0), (500.0, 0.01 + 0.01), (5000.0, 0.01 + 0.0001)])
+def test_a_force_error_moves_the_reading_by_its_share_of_the_force(data: LoadTest, force: float, share: float) -> None:
+    """10 % of the force, and 50 N of any; never more than the whole reading."""
+    wrench = np.zeros_like(data.rows.wrench)
+    wrench[:, 1] = force
+    cell = replace(data.cell, noise=replace(data.cell.noise, force=np.full(3, 50.0), force_relative=0.1, force_stated=True))
+    model = linear(replace(data.with_rows(replace(data.rows, wrench=wrench)), cell=cell))
+    sensor = np.where(np.isnan(data.rows.sigma), cell.noise.deflection, data.rows.sigma)
+    readings = np.nan_to_num(data.rows.deflection)
+    assert_allclose(model.variance, np.mean(sensor**2, axis=1) + share * np.sum(readings**2, axis=1), rtol=1e-12)
