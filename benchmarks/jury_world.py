@@ -24,7 +24,6 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import numpy as np
-
 from jury_arm import (
     ROBOTS,
     Arm,
