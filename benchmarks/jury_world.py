@@ -6,7 +6,8 @@ Each case is a folder with cell.yaml, robot.yaml, measurements.csv and truth.jso
 would: one thing hidden out of `EFFECTS`, two at once, a slip of the table out of `MISTAKES`, or nothing. The size is drawn by
 what six springs leave of it: 10 to 160 sigma over all rows together (the first is barely visible), at most half of the
 deflection. The numbers of noise are engineering judgement. An answer is `right`, `right in part` (one of two), a `set` that
-holds the truth, `unknown`, `missed` (adequate), a `wrong set`, `wrong`, or an `alarm` where nothing is hidden.
+holds the truth, `unknown`, `missed` (adequate; `not to be seen` under 8 sigma), a `wrong set`, `wrong`, or an `alarm` where
+nothing is hidden.
 """
 
 import csv
@@ -154,7 +155,7 @@ def planned(rng: Rng, folder: Path, most: float, every: bool) -> list[Load]:
 def run(folder: Path, *call: str) -> str:
     """The program as a user calls it."""
     env = {**os.environ, "PYTHONPATH": str(HERE)}
-    command = [sys.executable, "-m", "compensator", *call]
+    command = [sys.executable, "-m", "compstiff", *call]
     done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
     return done.stdout + done.stderr
 
@@ -395,7 +396,8 @@ def of_test(kind: str, rng: Rng, trial: Trial) -> Hidden:
     point = ("tool_point", "hook_offset")
     kinds: dict[str, Callable[[], Hidden]] = {
         "force gain": lambda: H(kind, "xyz"[a], ("force_axis_gain",), force=lambda f, s, x, o: f / (1 + sign * s * unit[a])),
-        "force cross-talk": lambda: H(kind, "xyz"[a], ("force_crosstalk",), force=lambda f, s, x, o: f - s * mix @ f),
+        "force cross-talk": lambda: H(kind, "xyz"[a], ("force_crosstalk", "force_misalignment"),
+                                      force=lambda f, s, x, o: f - s * mix @ f),
         "force turned": lambda: H(kind, "xyz"[a], ("force_misalignment",), force=lambda f, s, x, o: rotation(s * unit[a]) @ f),
         "force zero": lambda: H(kind, "", ("force_offset",), record=lambda f, s, x: f + v * s * trial.most),
         "load beside the TCP": lambda: H(kind, "tool", point, arm=beside("beside_tool"), span=(0.02, 1.5)),
@@ -543,8 +545,8 @@ def write_table(rng: Rng, trial: Trial, hidden: list[Hidden], sizes: list[float]
         writer.writerows(table)
 
 
-def judged(said: dict[str, Any], hidden: list[Hidden]) -> str:
-    """What an answer is worth to who knows the truth."""
+def judged(said: dict[str, Any], hidden: list[Hidden], sigmas: float) -> str:
+    """What an answer is worth to who knows the truth, and by how many sigma it shows."""
 
     def marks(found: list[dict[str, Any]]) -> list[str]:
         return [x["effect"] + (f"[{x['joint']}]" if x.get("joint") else "") for x in found]
@@ -565,7 +567,9 @@ def judged(said: dict[str, Any], hidden: list[Hidden]) -> str:
     if verdict == "ambiguous":
         left = marks(said["alternatives"]) + slips
         return "set" if all(any(is_of(x, h.names) for x in left) for h in hidden) else "wrong set"
-    return "missed" if verdict == "adequate" else "unknown"
+    if verdict == "adequate":
+        return "missed" if sigmas > 8 else "not to be seen"
+    return "unknown"
 
 
 def case(rng: Rng, folder: Path, kinds: list[str]) -> str:
@@ -579,7 +583,7 @@ def case(rng: Rng, folder: Path, kinds: list[str]) -> str:
     for kind in kinds:
         make = next((f for f, names in EFFECTS.items() if kind in names), of_table)
         one = make(kind, rng, trial)
-        s, sigmas = (1.0, 0.0) if make is of_table else size(trial, one, hidden, sizes, goal)
+        s, sigmas = (1.0, 1e3) if make is of_table else size(trial, one, hidden, sizes, goal)
         if one.cell is not None:
             write_cell(trial, folder, trial.tool + one.cell)
         hidden.append(one)
@@ -592,9 +596,9 @@ def case(rng: Rng, folder: Path, kinds: list[str]) -> str:
     if not (folder / "diagnosis.json").exists():
         return "no answer"
     said = json.loads((folder / "diagnosis.json").read_text())
-    out = judged(said, hidden)
+    out = judged(said, hidden, max((x["sigmas"] for x in truth), default=0.0))
     names = [f"{x['effect']}[{x['joint']}]" for x in said["causes"]] + [x["mistake"] for x in said["mistakes"]]
-    seen = ", ".join(f"{x['kind']} ({x['place']}, {x['sigmas']} sigma)" for x in truth) or "nothing"
+    seen = ", ".join(f"{x['kind']} ({x['place']}, {x['sigmas']:g} sigma)" for x in truth) or "nothing"
     print(f"{folder.name}: {seen}; {trial.robot.name}, {trial.design}: {said['verdict']} {' '.join(names)} -> {out}",
           flush=True)
     return out
@@ -610,7 +614,7 @@ def main(cases: int, seed: int, folder: Path) -> None:
         pick = [str(x) for x in rng.choice(single, 2, replace=False)]
         kinds = {"one": pick[:1], "two": pick, "slip": [str(rng.choice(MISTAKES))], "nothing": []}[what]
         table.setdefault(what, Counter())[case(rng, folder / f"{seed + n}", kinds)] += 1
-    words = ("right", "right in part", "set", "unknown", "missed", "wrong set", "wrong", "alarm", "no answer")
+    words = ("right", "right in part", "set", "unknown", "not to be seen", "missed", "wrong set", "wrong", "alarm", "no answer")
     print(f"\n{'hidden':8}" + "".join(f"{w:>15}" for w in words))
     for what, counts in table.items():
         print(f"{what:8}" + "".join(f"{counts[w]:15}" for w in words))
