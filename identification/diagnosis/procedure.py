@@ -67,8 +67,6 @@ POSSIBLE = 0.5
 # Laws of one gear that differ in a correction by less than so many times the noise may stay open under one name.
 OPEN_LAWS_DIFFER = 1.0
 MOST_CAUSES = 3
-# A set of more names tells nobody what to look at: the nearest go with an unknown cause.
-MOST_IN_A_SET = 12
 # ln Bayes factor against the plain model under which no cause explains anything.
 SUPPORT = 1.0
 # A misfit of so many times the noise's chi-squared, explained to this share, has its cause though not its exact law.
@@ -331,7 +329,7 @@ class Procedure:
     def ambiguous(self, judgement: Judgement, seen: Survey, best: Hypothesis) -> Judgement:
         """The set of names with the loads that would settle it, and what the choice means for a correction."""
         names = credible(seen, best)
-        if not 2 <= len(names) <= MOST_IN_A_SET:
+        if len(names) < 2:
             return self.unknown(judgement, seen, judgement.detection)
         doubt = doubt_of(judgement.detection, log_odds(judgement, len(seen.dictionary.entries)))
         if doubt and judgement.detection.p_value > self.alarm:

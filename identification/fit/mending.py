@@ -27,8 +27,10 @@ from identification.model.effects_in_force import SPRINGS
 from identification.model.kinematics import jacobian
 
 Array = NDArray[np.float64]
-# At most so many are told, each with this probability at least, and a misfit that chance makes so often.
-MOST, WORTH_TELLING, FITS = 3, 0.25, 1e-3
+# At most so many are kept, each with this probability at least, and a misfit that chance makes so often.
+MOST, WORTH_KEEPING, FITS = 3, 0.05, 1e-3
+# In words only those of this probability.
+WORTH_TELLING = 0.25
 # Angles taken from a visit that is right itself are so many times rarer than another slip.
 FROM_ANOTHER = "another visit's angles"
 RARER = {FROM_ANOTHER: 10.0}
@@ -113,7 +115,7 @@ def mends(rest: Posterior, rows: Measurements, score: VisitScore, scale: float, 
     probability = np.exp(every - every.max())
     probability /= probability.sum()
     told = [k for k in np.argsort(-probability[:-1])[:MOST]
-            if probability[k] >= WORTH_TELLING and chi2.sf(fits[k], visit.directions) >= FITS]
+            if probability[k] >= WORTH_KEEPING and chi2.sf(fits[k], visit.directions) >= FITS]
     return tuple(Mend(slips[k].kind, slips[k].what, float(probability[k])) for k in told)
 
 

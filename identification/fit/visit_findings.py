@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.common.findings import Finding
-from identification.fit.mending import BadVisit
+from identification.fit.mending import WORTH_TELLING, BadVisit
 from identification.fit.validation import Validation
 from identification.fit.visits import VisitTest
 
@@ -24,10 +24,11 @@ def sentence(bad: BadVisit) -> str:
 
 def mending(bad: BadVisit) -> str:
     """What would mend a visit, or what to look for."""
-    if bad.mends:
-        told = "; or ".join(f"{mend.what} ({100 * mend.probability:.0f} % of what was tried)" for mend in bad.mends)
+    likely = [mend for mend in bad.mends if mend.probability >= WORTH_TELLING]
+    if likely:
+        told = "; or ".join(f"{mend.what} ({100 * mend.probability:.0f} % of what was tried)" for mend in likely)
     else:
-        told = ("is its pose written rightly? No single slip in its angles or loads explains it; does something drag or stick "
+        told = ("is its pose written rightly? No single slip in its angles or loads is likely; does something drag or stick "
                 "there, was the tool or a sensor touched?")
     return told if not bad.copied else f"its angles are those of {bad.copied}: were they copied? {told}"
 

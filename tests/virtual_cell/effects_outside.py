@@ -66,7 +66,7 @@ def rod_stretch(plant: Plant, joint: None, parameters: Parameters) -> None:
     plant.yields("rod_length", parameters["compliance_m_per_n"])
 
 
-@effect("load_cell_hysteresis", lambda draw: {"force_n": draw.factor * 12.0})
+@effect("load_cell_hysteresis", lambda draw: {"force_n": draw.factor * 12.0}, known_as="hook_weight")
 def load_cell_hysteresis(plant: Plant, joint: None, parameters: Parameters) -> None:
     """The force cell shows too little on the way up and too much on the way down."""
     lag = Hysteresis(0, parameters["force_n"], np.array([60.0, 120.0, 240.0]))

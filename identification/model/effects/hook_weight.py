@@ -6,7 +6,7 @@ import numpy as np
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter
-from identification.model.effects.kinds import OfWrench
+from identification.model.effects.kinds import ONE_SIZE, OfWrench
 from identification.model.load_state import LoadState
 
 # Loads of fewer sizes than two, this share apart, tell it not from a gain of all forces.
@@ -29,7 +29,7 @@ class HookWeight(OfWrench):
     def missing(self, rows: LoadState) -> str:
         size = np.linalg.norm(rows.wrench[:, :3], axis=1)
         loaded = size[size > 0]
-        return "" if len(loaded) and np.ptp(loaded) > APART * loaded.max() else "all loads are of one size"
+        return "" if len(loaded) and np.ptp(loaded) > APART * loaded.max() else ONE_SIZE
 
     def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         size = np.linalg.norm(rows.wrench[:, :3], axis=1, keepdims=True)

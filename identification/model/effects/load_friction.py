@@ -6,7 +6,7 @@ import numpy as np
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter
-from identification.model.effects.kinds import OfWrench
+from identification.model.effects.kinds import NO_LOAD_OFF, OfWrench
 from identification.model.load_state import LoadState
 
 # Loads [N] that differ by less are the same.
@@ -29,7 +29,7 @@ class LoadFriction(OfWrench):
 
     def missing(self, rows: LoadState) -> str:
         loaded = np.any(rows.wrench[:, :3] != 0, axis=1)
-        return "" if np.any(direction(rows)[loaded] < 0) else "no load was taken off in steps"
+        return "" if np.any(direction(rows)[loaded] < 0) else NO_LOAD_OFF
 
     def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.asarray(rows.wrench * (1.0 - values[0] * direction(rows))[:, None])

@@ -85,7 +85,7 @@ def test_what_chance_does_now_and_then_gets_no_name(
     monkeypatch: pytest.MonkeyPatch, searched: tuple[Cell, Measurements, Mistakes, Named], p_value: float, odds: float | None,
     verdict: str,
 ) -> None:
-    """An effect that is there, with a misfit that so many data sets of nothing would show: a name only where the odds against
+    """An effect that is there, with a misfit that so many data sets of nothing would show, and no reading far off: a name only where the odds against
     nothing (ln; None: as they are) are beyond doubt."""
     cell, rows, mistakes, named = searched
     real = procedure.goodness_of_fit
@@ -97,6 +97,7 @@ def test_what_chance_does_now_and_then_gets_no_name(
     monkeypatch.setattr(procedure, "goodness_of_fit", by_chance)
     monkeypatch.setattr(procedure, "mistakes_in", lambda plain: mistakes)
     monkeypatch.setattr(procedure, "converged", lambda *_: named)
+    monkeypatch.setattr(procedure, "far_off", lambda _: 1.0)
     if odds is not None:
         monkeypatch.setattr(procedure, "log_odds", lambda judgement, entries: (odds, odds))
     found = procedure.judge(cell, rows)
