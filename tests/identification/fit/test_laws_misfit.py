@@ -41,7 +41,7 @@ def test_springs_alone_are_not_rejected(design: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("hidden", "seed"), [
-    (Hidden("backlash", 1, 1.5), 710), (Hidden("base_rocking", None, 1.5), 711),
+    (Hidden("backlash", 1, 1.5), 710), pytest.param(Hidden("base_rocking", None, 1.5), 711, marks=pytest.mark.long),
     (Hidden("deflection_sensor_rotation", None, 1.5), 712)])
 def test_what_springs_cannot_do_rejects_them(hidden: Hidden, seed: int, tmp_path: Path) -> None:
     """Then no stiffness is reliable, and the file says so."""
@@ -96,7 +96,7 @@ def mistaken(rows: Measurements, kind: str) -> Measurements:
     return replace(rows, wrench=wrench, deflection=deflection, theta=theta)
 
 
-@pytest.mark.parametrize("kind", ["the sign of fy", "dy and dz swapped"])
+@pytest.mark.parametrize("kind", ["the sign of fy", pytest.param("dy and dz swapped", marks=pytest.mark.long)])
 def test_clear_mistakes_of_people_are_refused(kind: str, tmp_path: Path) -> None:
     cell, rows = read(simulate(720, "ladder12"), tmp_path)
     with pytest.raises(CompstiffError) as refused:
