@@ -85,8 +85,8 @@ def test_what_chance_does_now_and_then_gets_no_name(
     monkeypatch: pytest.MonkeyPatch, searched: tuple[Cell, Measurements, Mistakes, Named], p_value: float, odds: float | None,
     verdict: str,
 ) -> None:
-    """An effect that is there, with a misfit that so many data sets of nothing would show, and no reading far off: a name only where the odds against
-    nothing (ln; None: as they are) are beyond doubt."""
+    """An effect that is there, with a misfit that so many data sets of nothing would show, and no reading far off: a name only
+    where the odds against nothing (ln; None: as they are) are beyond doubt."""
     cell, rows, mistakes, named = searched
     real = procedure.goodness_of_fit
 
