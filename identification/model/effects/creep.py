@@ -14,6 +14,7 @@ RATES = np.exp(np.arange(-12.0, 2.5, STEP))
 SHARES = STEP * np.exp(-RATES)
 # Numbers held at once; the elements of a longer file go in turns.
 CHUNK = 2_000_000
+NO_DWELL = "dwell_s is not given"
 
 
 class _Creep(Effect):
@@ -26,7 +27,7 @@ class _Creep(Effect):
     settles = "hold one load and read the sensors after 5 and after 60 seconds"
 
     def missing(self, rows: LoadState) -> str:
-        return "dwell_s is not given" if np.isnan(rows.dwell).all() else ""
+        return NO_DWELL if np.isnan(rows.dwell).all() else ""
 
 
 class OneElement(_Creep):
@@ -46,10 +47,8 @@ class OneElement(_Creep):
     )
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        ratio, time = values
-        load, held = rows.compliance * rows.torque, np.nan_to_num(rows.dwell)
-        crept = load * -np.expm1(-held / time)[:, None] + _left_of_earlier(rows, load, held, np.array([1 / time]), np.ones(1))
-        return np.asarray(ratio * np.einsum("nri,ni->nr", rows.jacobian, crept))
+        twist = crept(rows, rows.compliance * rows.torque, values[1])
+        return np.asarray(values[0] * np.einsum("nri,ni->nr", rows.jacobian, twist))
 
 
 class Creep(_Creep):
@@ -82,6 +81,14 @@ class Creep(_Creep):
         if memory:
             crept = crept + memory * _left_of_earlier(rows, load, held, RATES / time, SHARES)
         return np.asarray(ratio * np.einsum("nri,ni->nr", rows.jacobian, crept))
+
+
+def crept(rows: LoadState, load: Array, time: float) -> Array:
+    """By how much twists (n, 6) [rad] have crept on, as one Kelvin element of this time [s] does, under these loads and what is
+    left of earlier ones of their visit."""
+    held = np.nan_to_num(rows.dwell)
+    left = _left_of_earlier(rows, load, held, np.array([1 / time]), np.ones(1))
+    return np.asarray(load * -np.expm1(-held / time)[:, None] + left)
 
 
 def _left_of_earlier(rows: LoadState, load: Array, held: Array, rates: Array, shares: Array) -> Array:

@@ -192,6 +192,26 @@ def test_a_rod_that_yields_turns_the_crank_as_the_linkage_does() -> None:
         assert_allclose(moved[n], expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
 
 
+def test_one_gear_creeps_as_a_kelvin_element() -> None:
+    """Spring and damper side by side, step by step in time, while a load grows, turns and is taken off."""
+    rows, effect = drawn(6), known("gear_creep")
+    assert effect is not None
+    share = np.array([0.5, 1.0, -1.0, 0.0, 0.3, 1.0])
+    held = np.array([5.0, 30.0, 12.0, 20.0, 8.0, 15.0])
+    alike = load_state(rows.robot, TOOL, np.repeat(rows.theta[:1], 6, axis=0), share[:, None] * rows.wrench[:1], COMPLIANCE)
+    alike = replace(alike, visit=np.array([0, 0, 0, 0, 0, 1]), dwell=held)
+    ratio, time, joint = 0.4, 18.0, 3
+    twist, expected = 0.0, []
+    for n in range(6):
+        twist = 0.0 if n == 5 else twist
+        pull = ratio * COMPLIANCE[joint - 1] * alike.torque[n, joint - 1]
+        for _ in range(20_000):
+            twist += (pull - twist) / time * held[n] / 20_000
+        expected.append(twist * alike.jacobian[n, :, joint - 1])
+    moved = effect.contribution(alike, joint, np.array([ratio, time]))
+    assert_allclose(moved, expected, atol=1e-3 * np.abs(expected).max())
+
+
 def test_a_warm_up_comes_to_an_end() -> None:
     """By halves: in each ln 2 of its time it goes half of what is left; from the reference, or the first row, on."""
     settles, rows = 900.0, drawn(5)
