@@ -284,7 +284,7 @@ def of_gear(kind: str, rng: Rng, trial: Trial) -> Hidden:
         "soft beyond": (shaped(lambda s, x, r: x + s * (x - clip(x, t * (0.3 + 0.4 * b)))), ("soft_beyond",), (0.05, 3)),
         "dry friction": (lambda c, s: Rubbing(c, 2 + 4 * b, s * t), ("hysteresis",), (0.01, 0.6)),
         "Dahl friction": (lambda c, s: Rubbing(c, 2 + 4 * b, s * t, smooth=True), ("hysteresis",), (0.01, 0.6)),
-        "creep of a gear": (lambda c, s: Creep(c, s, 10 ** (1 + 1.2 * b)), ("creep",), (0.02, 1)),
+        "creep of a gear": (lambda c, s: Creep(c, s, 10 ** (1 + 1.2 * b)), ("gear_creep",), (0.02, 1)),
         "soft at angles": (shaped(lambda s, x, r: x * (1 + s * np.sin(n * r.theta[j] + phase))), ("uneven_gear",), (0.02, 0.6)),
         "one sign softer": (shaped(lambda s, x, r: x + s * max(x, 0)), ("one_sided",), (0.02, 1.5)),
         "slip": (lambda c, s: Slip(c, t * (0.4 + 0.4 * b), s), ("hysteresis",), (0.02, 3)),
