@@ -291,7 +291,10 @@ def of_gear(kind: str, rng: Rng, trial: Trial) -> Hidden:
         "softer with time": (shaped(lambda s, x, r: x * (1 + sign * s * r.time / r.span)), ("softening",), (0.02, 0.6)),
     }
     make, names, span = makes[kind]
-    marks = tuple(x if x in ("creep", "softening") else f"{x}[{j + 1}]" for x in names)
+    # The dictionary's family of gears that are softer near zero, and its name for a gear 2 that is uneven.
+    names += tuple({"backlash": "soft_zone", "soft_zone": "backlash"}.get(x, "gravity_compensator") for x in names
+                   if x in ("backlash", "soft_zone") or (x, j) == ("uneven_gear", 1))
+    marks = tuple(x if x == "softening" else f"{x}[{j + 1}]" for x in names)
     return Hidden(kind, f"joint {j + 1}", marks, arm=gear(j, make), span=span)
 
 
