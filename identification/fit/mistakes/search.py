@@ -41,6 +41,8 @@ MOST_FITTED, MOST_WITH_SIZE = 5, 3
 HOPELESS = -3.0
 # The size of a mistake is found in so many steps.
 SIZE_STEPS = 5
+# A gauge that was unplugged reads nothing [m].
+LEAST_SPREAD = 1e-9
 # A mistake in a part of the rows is that much rarer (ln) than in all.
 PART = -np.log(4.0)
 
@@ -354,7 +356,7 @@ def _log_lost(data: LoadTest, mended: LoadTest, per_unit: Array | float = 1.0) -
     if not lost.any():
         return 0.0
     taken = np.maximum((~np.isnan(data.rows.deflection)).sum(axis=0), 1)
-    spread = np.sqrt(np.nansum(data.rows.deflection**2, axis=0) / taken) * per_unit
+    spread = np.maximum(np.sqrt(np.nansum(data.rows.deflection**2, axis=0) / taken), LEAST_SPREAD) * per_unit
     return -float(np.sum(np.log(np.broadcast_to(spread, lost.shape)[lost]) + 0.5))
 
 
