@@ -9,8 +9,8 @@ from identification.model.effects.base import Parameter
 from identification.model.effects.kinds import NO_LOAD_OFF, OfWrench
 from identification.model.load_state import LoadState
 
-# Loads [N] that differ by less are the same.
-SAME_N = 1.0
+# Loads that differ by less than this share are the same; along one line they are down to this cosine.
+SAME, SAME_LINE = 0.03, 0.995
 
 
 class LoadFriction(OfWrench):
@@ -36,10 +36,13 @@ class LoadFriction(OfWrench):
 
 
 def direction(rows: LoadState) -> Array:
-    """1 where the load of a row (n,) is larger than the last at the same pose, -1 where it is smaller, else as before."""
-    size, starts = np.linalg.norm(rows.wrench[:, :3], axis=1), rows.starts
-    result, now = np.ones(len(size)), 1.0
-    for k, (start, step) in enumerate(zip(starts, np.diff(size, prepend=0.0), strict=True)):
-        now = 1.0 if start else np.sign(step) if abs(step) > SAME_N else now
+    """1 where the load of a row (n,) is larger than the last along the same line at the same pose, -1 where it is smaller, as
+    before where it is the same; 1 where it comes along another line, since it grew from nothing there."""
+    force, now = rows.wrench[:, :3], 1.0
+    size, result = np.linalg.norm(force, axis=1), np.ones(len(rows))
+    for k in range(1, len(rows)):
+        same_line = not rows.starts[k] and force[k] @ force[k - 1] > SAME_LINE * size[k] * size[k - 1] > 0
+        step = size[k] - size[k - 1]
+        now = 1.0 if not same_line else np.sign(step) if abs(step) > SAME * size[k - 1] else now
         result[k] = now
     return result
