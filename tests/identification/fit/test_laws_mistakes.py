@@ -259,11 +259,16 @@ def test_a_size_costs_what_its_readings_tell_it(data: LoadTest) -> None:
 
 @pytest.mark.parametrize(("force", "share"), [(50.0, 1.0), (500.0, 0.01 + 0.01), (5000.0, 0.01 + 0.0001)])
 def test_a_force_error_moves_the_reading_by_its_share_of_the_force(data: LoadTest, force: float, share: float) -> None:
-    """10 % of the force, and 50 N of any; never more than the whole reading."""
-    wrench = np.zeros_like(data.rows.wrench)
+    """10 % of the force, and 50 N of any; never more than the whole reading, and of readings that no robot, however soft, could
+    have under such a force only of what it could."""
+    wrench, moved = np.zeros_like(data.rows.wrench), data.rows.deflection * force / 5000.0
     wrench[:, 1] = force
     cell = replace(data.cell, noise=replace(data.cell.noise, force=np.full(3, 50.0), force_relative=0.1, force_stated=True))
-    model = linear(replace(data.with_rows(replace(data.rows, wrench=wrench)), cell=cell))
-    sensor = np.where(np.isnan(data.rows.sigma), cell.noise.deflection, data.rows.sigma)
-    readings = np.nan_to_num(data.rows.deflection)
-    assert_allclose(model.variance, np.mean(sensor**2, axis=1) + share * np.sum(readings**2, axis=1), rtol=1e-12)
+    model = linear(replace(data.with_rows(replace(data.rows, wrench=wrench, deflection=moved)), cell=cell))
+    sensor = np.mean(np.where(np.isnan(data.rows.sigma), cell.noise.deflection, data.rows.sigma) ** 2, axis=1)
+    assert_allclose(model.variance, sensor + share * np.sum(np.nan_to_num(moved) ** 2, axis=1), rtol=1e-12)
+    far = linear(replace(data.with_rows(replace(data.rows, wrench=wrench, deflection=1e4 * moved)), cell=cell))
+    could = 10.0 * np.linalg.norm(model.columns.sum(axis=2), axis=1)
+    large = np.linalg.norm(1e4 * np.nan_to_num(moved), axis=1) > could
+    assert large.mean() > 0.5
+    assert_allclose(far.variance[large], sensor[large] + share * could[large] ** 2, rtol=1e-12)
