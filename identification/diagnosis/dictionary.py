@@ -15,7 +15,7 @@ from identification.model.effects_in_force import EffectInForce
 from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
-# Coefficients of one signature; the widest have three.
+# Coefficients of one signature; the widest have one for each axis that sees another.
 WIDEST = 6
 # Weights on a gear that differ by less than such a factor are one as far as a second cause is concerned.
 ALIKE = 1.2
@@ -53,7 +53,7 @@ class Dictionary:
 
     @cached_property
     def used(self) -> NDArray[np.bool_]:
-        """Which of WIDEST coefficients each signature has (S, WIDEST)."""
+        """Which of WIDEST coefficients each signature has (S, 6)."""
         return np.arange(WIDEST)[None] < self.widths[:, None]
 
     def of(self, *signatures: int) -> Array:
@@ -62,7 +62,7 @@ class Dictionary:
         return self.columns[:, :, np.concatenate(places)]
 
     def by_signature(self, values: Array) -> Array:
-        """Values (..., m) of the columns as (..., S, WIDEST), nothing where a signature has no such coefficient."""
+        """Values (..., m) of the columns as (..., S, 6), nothing where a signature has no such coefficient."""
         padded = np.zeros((*values.shape[:-1], *self.used.shape))
         padded[..., self.used] = values
         return padded
@@ -129,7 +129,7 @@ class Dictionary:
                           self.positive[kept], {})
 
     def term(self, state: LoadState, signature: int, coefficients: Array) -> Term:
-        """The effect in force with these coefficients (WIDEST,) in typical sizes."""
+        """The effect in force with these coefficients (6,) in typical sizes."""
         shape = self.signatures[signature]
         joint, effect = self.entries[self.entry_of[signature]].joint, shape.effect
         values = shape.values(coefficients[: self.widths[signature]] * shape.scale)

@@ -14,10 +14,9 @@ from identification.diagnosis.discrimination import next_loads, rivals_of, robot
 from identification.diagnosis.explained import explained
 from identification.diagnosis.gain import gain
 from identification.diagnosis.gross import bad_rows
-from identification.diagnosis.judgement import Cause, Judgement
+from identification.diagnosis.judgement import Judgement
 from identification.diagnosis.naming import (
     AGAINST,
-    CERTAIN,
     LIKELIER,
     Named,
     converged,
@@ -32,8 +31,9 @@ from identification.diagnosis.naming import (
     with_open_laws,
     without_slight,
 )
+from identification.diagnosis.odds import CERTAINLY, POSSIBLE, certain, doubt_of, log_odds, log_posterior
 from identification.diagnosis.power import showing
-from identification.diagnosis.search import Hypothesis, Survey, log_prior
+from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.share import share_of
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
@@ -41,7 +41,6 @@ from identification.fit.mending import BadVisit, with_mends
 from identification.fit.misfit import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, far_off
 from identification.fit.mistakes.evidence import log_evidence, under_ordinary_noise
 from identification.fit.mistakes.judge import RIVAL, Mistakes, beyond_the_fit, fitted_or_mistaken, mistakes_in
-from identification.fit.mistakes.search import Search
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.validation import judge_validation
 from identification.fit.visits import VisitTest, bad_visits
@@ -52,18 +51,12 @@ from identification.model.effects import Effect, effects
 # Family-wise false alarms of the detection, and of the test whether the extended model is enough.
 ALARM = 0.05
 INADEQUATE = 0.005
-# A name needs more than an alarm does: of data sets without any cause one in a hundred shows as much, or it is likelier than
-# nothing by so much (ln odds), all parameters and the noise's sizes integrated out; and never less likely than nothing.
-NAMING = 0.01
-CERTAINLY = float(np.log(1000.0))
 # Up to this probability of the detection a cause is looked for all the same, and must be that much likelier than nothing.
 LOOKED_AT = 0.3
 # Readings that are so many times off what the noise allows, heavy tails with it, are no noise (misfit.far_off).
 FAR_OFF = 1.3
 FAR_IN_WORDS = ("the readings are off by {:.1f} times what the noise allows, however heavy its tails: those that are far off "
                 "count for little, and hold something else")
-# Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
-POSSIBLE = 0.5
 # Laws of one gear that differ in a correction by less than so many times the noise may stay open under one name.
 OPEN_LAWS_DIFFER = 1.0
 MOST_CAUSES = 3
@@ -75,8 +68,6 @@ NEARLY_ALL = 0.97
 # How many of the nearest names go with an unknown cause.
 NEAREST = 5
 NOTHING_IN_WORDS = "all its parameters lie within two of their standard deviations of nothing"
-CHANCE_IN_WORDS = "{:.1%} of data sets without any cause show as much: too many for a name"
-NO_LIKELIER = "a larger noise explains the readings as well as it does"
 SCATTER_IN_WORDS = "several of one kind without a significant misfit stand for scatter, not for causes"
 # So many poses that do not fit the others, none by a slip that is likely, are no chance: something depends on the pose.
 SEVERAL = 3
@@ -362,38 +353,6 @@ class _Found:
     def enough(self) -> bool:
         """Whether they explain the rows."""
         return self.adequacy.p_value > INADEQUATE and not self.scatter
-
-
-def certain(together: float, causes: tuple[Cause, ...]) -> bool:
-    """Whether the set of causes is certain, or each of them while what else is at work is not."""
-    return together >= CERTAIN or (together >= POSSIBLE and all(cause.probability >= CERTAIN for cause in causes))
-
-
-def log_posterior(found: Search, extended: Posterior, entries: int) -> float:
-    """ln posterior of a set of causes among `entries`, on the rows in which mistakes were looked for."""
-    if not extended.terms:
-        return found.log_evidence
-    if found.plain.data is not extended.data:
-        extended = posterior(found.plain.data, extended.terms, extended)
-    return log_evidence(extended) + log_prior(len(extended.terms), entries)
-
-
-def doubt_of(detection: Detection, odds: tuple[float, float]) -> str:
-    """Why what is named may be nothing, in words, "" where it may not. odds: ln, against nothing, at least and at most."""
-    least, most = odds
-    if detection.p_value > max(NAMING, detection.resolution) and least < CERTAINLY:
-        return CHANCE_IN_WORDS.format(detection.p_value)
-    return NO_LIKELIER if most < 0 else ""
-
-
-def log_odds(judgement: Judgement, entries: int) -> tuple[float, float]:
-    """ln odds of the extended model, one set among `entries`, against the plain one, all parameters and the noise's sizes
-    integrated out: at least and at most. They are known where the tails are alike; of a model with heavier tails the evidence
-    is too large, because rows that do not fit it count for little."""
-    plain, extended = judgement.plain, judgement.extended
-    odds = log_evidence(extended) + log_prior(len(extended.terms), entries) - log_evidence(plain)
-    before, after = plain.components.degrees, extended.components.degrees
-    return odds if after >= before else -np.inf, odds if after <= before else np.inf
 
 
 def beside(judgement: Judgement, mistakes: Mistakes, physics: float) -> Judgement:

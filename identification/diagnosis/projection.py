@@ -130,7 +130,7 @@ class Scores:
 
 
 def scores(base: Base, dictionary: Dictionary, grams: Array | None = None) -> Scores:
-    """The residual of the fitted model against every signature; grams (S, 3, 3): `own_grams`, where they are at hand."""
+    """The residual of the fitted model against every signature; grams (S, 6, 6): `own_grams`, where they are at hand."""
     cross, width = base.cross(dictionary.columns), WIDEST
     b = dictionary.by_signature(base.score(dictionary.columns, base.residual[:, :, None], base.shift, cross)[:, 0])
     information = _blocks(base, dictionary, cross, own_grams(base.weights, dictionary) if grams is None else grams)
@@ -143,7 +143,7 @@ def scores(base: Base, dictionary: Dictionary, grams: Array | None = None) -> Sc
 
 
 def own_grams(weights: Weighing, dictionary: Dictionary) -> Array:
-    """E^T W E (S, 3, 3) of every signature: whatever the model beside it, so that a search makes them once."""
+    """E^T W E (S, 6, 6) of every signature: whatever the model beside it, so that a search makes them once."""
     grams = np.zeros((len(dictionary.widths), WIDEST, WIDEST))
     for width in np.unique(dictionary.widths):
         alike = np.flatnonzero(dictionary.widths == width)
@@ -155,7 +155,7 @@ def own_grams(weights: Weighing, dictionary: Dictionary) -> Array:
 
 
 def information_blocks(base: Base, dictionary: Dictionary) -> Array:
-    """G (S, 3, 3) of every signature by itself; the identity where a coefficient is not used."""
+    """G (S, 6, 6) of every signature by itself; the identity where a coefficient is not used."""
     return _blocks(base, dictionary, base.cross(dictionary.columns), own_grams(base.weights, dictionary))
 
 

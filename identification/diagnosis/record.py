@@ -12,7 +12,8 @@ from identification.common.quantities import cause_words, parameter_words, quant
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause, Judgement
 from identification.diagnosis.naming import brought_along
-from identification.diagnosis.procedure import ALARM, NAMING
+from identification.diagnosis.odds import NAMING
+from identification.diagnosis.procedure import ALARM
 from identification.diagnosis.swing import EFFECT, Swing
 from identification.fit.mending import BadVisit
 from identification.fit.misfit import needed
@@ -27,8 +28,6 @@ from identification.model.effects.kinds import OF_THE_KIND
 # So many checks, and causes that would not have been noticed, are told on the terminal.
 MOST_CHECKS, MOST_OVERLOOKED = 4, 6
 FORMAT = "compstiff-diagnosis"
-# A p-value above this is no alarm.
-ALARMING = 0.05
 # Odds of more powers of ten than this are only said to be over that.
 CERTAIN = 12
 
@@ -163,7 +162,7 @@ def _cause(judgement: Judgement, cause: Cause) -> dict[str, Any]:
 def _chance(judgement: Judgement) -> str:
     """The p-value in words; one that is no alarm beside a misfit is that of a noise which has grown."""
     p_value = judgement.detection.p_value
-    grown = p_value > ALARMING and judgement.verdict in ("unknown", "ambiguous", "mistake")
+    grown = p_value > ALARM and judgement.verdict in ("unknown", "ambiguous", "mistake")
     return (f"p {'<=' if p_value <= judgement.detection.resolution else '='} {p_value:.3g}"
             f"{' if it is as large as these rows would need' if grown else ''}")
 

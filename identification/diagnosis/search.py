@@ -163,7 +163,7 @@ def _exchanged(
 @dataclass(frozen=True, eq=False)
 class _Undecided:
     """The weights beside what a gear may do in the rows in which a force error decides it, of how many coefficients more, and
-    the grams (S, 3, 3) of its laws' signatures with them."""
+    the grams (S, 6, 6) of its laws' signatures with them."""
 
     weights: Weighing
     by_visit: int
@@ -185,7 +185,7 @@ class _Scan:
 
     @cached_property
     def grams(self) -> Array:
-        """Of every signature by itself (S, 3, 3)."""
+        """Of every signature by itself (S, 6, 6)."""
         return own_grams(self.base.weights, self.dictionary)
 
     @cached_property
@@ -269,7 +269,7 @@ class _Scan:
         return evidence, scored.visible
 
     def _share(self, evidence: Array, doubted: Base, laws: list[int], grams: Array) -> None:
-        """Shares out the evidence (S,) that these laws have together by what they have where more is free; grams (S, 3, 3):
+        """Shares out the evidence (S,) that these laws have together by what they have where more is free; grams (S, 6, 6):
         with its weights."""
         dictionary = self.dictionary
         counts = [len(dictionary.entries[k].signatures) for k in laws]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import USUAL_FORCE_RELATIVE, USUAL_OFFSET_M
+from identification.fit.noise import USUAL_OFFSET_M, force_error
 from identification.model.kinematics import jacobian
 
 Array = NDArray[np.float64]
@@ -109,9 +109,8 @@ def linear(data: LoadTest, arm: Array | None = None) -> Linear:
     readings = np.nan_to_num(rows.deflection)
     sensor = np.where(np.isnan(rows.sigma), cell.noise.deflection, rows.sigma)
     force = np.linalg.norm(rows.wrench[:, :3], axis=1)
-    noise = cell.noise
-    relative = noise.force_relative if noise.force_stated else USUAL_FORCE_RELATIVE
-    share = np.minimum(relative**2 + np.mean(noise.force**2) / np.maximum(force, LEAST_FORCE) ** 2, 1.0)
+    absolute, relative = force_error(cell.noise)
+    share = np.minimum(relative**2 + np.mean(absolute**2) / np.maximum(force, LEAST_FORCE) ** 2, 1.0)
     most = SOFTEST * np.linalg.norm(columns.sum(axis=2), axis=1)
     moved = np.minimum(np.linalg.norm(readings, axis=1), most)
     return Linear(data, columns, readings, np.mean(sensor**2, axis=1) + share * moved**2)

@@ -1,8 +1,4 @@
-"""Every mistake of the list, tried: a quick look at all of them, then the real fit of the few that mend something.
-
-A mistake that stands in all rows, or from one pose visit on (another day, tool or robot), or in the rows before. All are
-counted: the prior of a mistake is shared out over those that were tried.
-"""
+"""Every mistake of the list, tried: the real fit of the few that a quick look finds to mend something (look.py)."""
 
 from __future__ import annotations
 
@@ -16,14 +12,10 @@ from identification.common.findings import CompstiffError
 from identification.fit.fitted_model import WIDE, response
 from identification.fit.held_out import left_out, poses
 from identification.fit.load_test import LoadTest
-from identification.fit.mistakes.axes import axes_mistakes
-from identification.fit.mistakes.cell_file import cell_mistakes
 from identification.fit.mistakes.evidence import log_evidence, ordinary
-from identification.fit.mistakes.joints import joint_mistakes
+from identification.fit.mistakes.look import WORTH, Guess, Look, log_lost
 from identification.fit.mistakes.mistake import Mistake
-from identification.fit.mistakes.screen import Linear, Sums, linear, log_scores, spring_jacobian, sums
-from identification.fit.mistakes.sizes import SIZES, Size
-from identification.fit.mistakes.slipped import slipped_mistakes
+from identification.fit.mistakes.sizes import Size
 from identification.fit.noise import OPTIONAL, Weights
 from identification.fit.posterior import Posterior, posterior
 from identification.model.effects_in_force import EFFECTS
@@ -31,20 +23,9 @@ from identification.model.effects_in_force import EFFECTS
 Array = NDArray[np.float64]
 # Rows that are looked at: a mistake of all rows shows in a part of them, taken as whole visits.
 MOST_ROWS = 1500
-# Visits from which on a mistake may hold.
-MOST_BOUNDARIES = 24
-# ln of how much likelier than none the quick look must find a mistake, less for one with a size, and how far behind the best
-# one without a size it may be.
-WORTH, WORTH_WITH_SIZE, BEHIND = 4.0, -8.0, 30.0
-MOST_FITTED, MOST_WITH_SIZE = 5, 3
+MOST_WITH_SIZE = 3
 # ln of how much likelier than none one with a size must be near none to be fitted: a name needs 10 (judge.py).
 HOPELESS = -3.0
-# The size of a mistake is found in so many steps.
-SIZE_STEPS = 5
-# A gauge that was unplugged reads nothing [m].
-LEAST_SPREAD = 1e-9
-# A mistake in a part of the rows is that much rarer (ln) than in all.
-PART = -np.log(4.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +89,7 @@ class Search:
     log_evidence: float
     candidates: tuple[Candidate, ...]
     tried: int
-    apart: tuple[_Guess, ...] = ()
+    apart: tuple[Guess, ...] = ()
 
     def with_those_apart(self) -> Search:
         """With the fits of rows that want springs of their own, two for each, among the candidates."""
@@ -118,7 +99,7 @@ class Search:
 def search(plain: Posterior) -> Search:
     """All mistakes that mend something in the rows of this fit; those apart are left to who asks for them."""
     fitted = _portion(plain)
-    look = _Look(fitted.data)
+    look = Look(fitted.data)
     guesses = look.guesses()
     alone, apart = (tuple(guess for guess in guesses if guess.split == split) for split in (False, True))
     return Search(fitted, log_evidence(fitted), _likeliest_first(_fits(fitted, alone)), look.tried, apart)
@@ -128,13 +109,13 @@ def _likeliest_first(candidates: list[Candidate]) -> tuple[Candidate, ...]:
     return tuple(sorted(candidates, key=lambda each: -each.log_posterior))
 
 
-def _fits(plain: Posterior, guesses: tuple[_Guess, ...]) -> list[Candidate]:
+def _fits(plain: Posterior, guesses: tuple[Guess, ...]) -> list[Candidate]:
     sized = _hopeful(plain, tuple(guess for guess in guesses if guess.size is not None))
     rest = [guess for guess in guesses if guess.size is None]
     return [candidate for guess in (*rest, *sized) if (candidate := _fitted(plain, guess)) is not None]
 
 
-def _hopeful(plain: Posterior, sized: tuple[_Guess, ...]) -> list[_Guess]:
+def _hopeful(plain: Posterior, sized: tuple[Guess, ...]) -> list[Guess]:
     """Of those with a size the likeliest near none, each mistake once, under ordinary noise of the usual parts: what is larger,
     and the others, may be there for want of a cause."""
     if not sized:
@@ -144,7 +125,7 @@ def _hopeful(plain: Posterior, sized: tuple[_Guess, ...]) -> list[_Guess]:
         usual = plain.with_usual_noise
     weights = usual.at_map.noise.weights(ordinary(usual), usual.at_map.row_weight)
     support = [_support_near_none(usual, weights, guess) for guess in sized]
-    best: dict[str, _Guess] = {}
+    best: dict[str, Guess] = {}
     for k in np.argsort(support)[::-1]:
         if support[k] > HOPELESS:
             best.setdefault(sized[k].mistake.key, sized[k])
@@ -169,203 +150,13 @@ def _thinned(data: LoadTest) -> LoadTest:
 
 def likeliest_at_a_glance(data: LoadTest) -> Mistake | None:
     """The mistake that the quick look finds clearly likelier than any other, for rows that have no plain fit."""
-    found = [guess for guess in _Look(_thinned(data)).guesses()
+    found = [guess for guess in Look(_thinned(data)).guesses()
              if guess.size is None and not guess.split and guess.rows is None]
     clear = found and (len(found) == 1 or found[0].score > found[1].score + WORTH)
     return found[0].mistake if clear else None
 
 
-@dataclass(frozen=True, eq=False)
-class _Guess:
-    """What the quick look takes for worth a fit. parts: rows that are fitted apart; size and joint: of one with a size, start
-    (P,) its value."""
-
-    mistake: Mistake
-    rows: NDArray[np.bool_] | None
-    score: float
-    log_prior: float
-    split: bool = False
-    size: Size | None = None
-    joint: int | None = None
-    start: Array | None = None
-
-
-def _of_alike(guesses: list[_Guess]) -> _Guess:
-    """Of guesses that leave the same rows the first usual one; what else it may be, to these rows, goes with its sentence."""
-    usual = [guess for guess in guesses if guess.mistake.usual] or guesses[:1]
-    chosen, quantities, others = usual[0], {usual[0].mistake.key.split("_")[0]}, []
-    for guess in usual[1:]:
-        quantity = guess.mistake.key.split("_")[0]
-        same = guess.rows is chosen.rows or (guess.rows is not None and chosen.rows is not None
-                                             and np.array_equal(guess.rows, chosen.rows))
-        if same and quantity not in quantities:
-            quantities.add(quantity)
-            others.append(guess.mistake.sentence)
-    if not others:
-        return chosen
-    sentence = f"{chosen.mistake.sentence}, or, which is the same to these rows, {', or '.join(others)}"
-    return replace(chosen, mistake=replace(chosen.mistake, sentence=sentence))
-
-
-class _Look:
-    """The quick look at all mistakes of these rows."""
-
-    def __init__(self, data: LoadTest) -> None:
-        self.data = data
-        self.mistakes = [*axes_mistakes(data), *joint_mistakes(data), *slipped_mistakes(data), *cell_mistakes(data)]
-        self.visits, self._number = np.unique(data.rows.visit, return_inverse=True)
-        self._log_std = data.prior.prior.log_std
-        self._arm = spring_jacobian(data)
-        count = len(self.visits)
-        evenly = np.linspace(1, count - 1, min(count - 1, MOST_BOUNDARIES)) if count > 1 else np.empty(0)
-        self.boundaries = np.unique(evenly.astype(int))
-        self.places = sum(len(size.joints) or 1 for size in SIZES)
-        self.usual = sum(mistake.usual for mistake in self.mistakes) + self.places + 1
-        self.tried = len(self.mistakes) + self.places + 1
-
-    def _linear(self, mended: LoadTest) -> Linear:
-        """The linear model of mended data; where the poses are those of the table the arm is known."""
-        as_it_is = mended.cell is self.data.cell and mended.rows.theta is self.data.rows.theta
-        return linear(mended, self._arm if as_it_is else None)
-
-    def guesses(self) -> list[_Guess]:
-        """The few that are worth a fit, the likeliest first, and all with a size that may be: those are told apart by what the
-        readings of a visit share, which the quick look does not know."""
-        plain = sums(self._linear(self.data))
-        scores, springs = log_scores(plain.total(), self._log_std)
-        found, none = self._of_columns(plain), float(scores[0])
-        found += self._from_their_rows(found)
-        best = max((guess.score for guess in found), default=-np.inf)
-        kept = self._unlike(sorted((guess for guess in found if guess.score >= max(best - BEHIND, none + WORTH)),
-                                   key=lambda guess: -round(guess.score, 6)))
-        sized = [guess for guess in self._of_sizes(springs[0]) if guess.score >= none + WORTH_WITH_SIZE]
-        return [*kept[:MOST_FITTED], *sized]
-
-    def _from_their_rows(self, found: list[_Guess]) -> list[_Guess]:
-        """Of mistakes that may begin at any row the likeliest guess of a part, from the likeliest row on near its begin."""
-        best: dict[str, _Guess] = {}
-        for guess in sorted(found, key=lambda guess: -guess.score):
-            if guess.mistake.from_a_row and guess.rows is not None and not guess.rows[0]:
-                best.setdefault(guess.mistake.key, guess)
-        return [self._from_its_row(guess, guess.rows) for guess in best.values() if guess.rows is not None]
-
-    def _from_its_row(self, guess: _Guess, rows: NDArray[np.bool_]) -> _Guess:
-        """The guess, from the likeliest row on within a visit of where these rows (n,) begin."""
-        near = np.abs(self._number - self._number[int(np.argmax(rows))]) <= 1
-        parts = [np.arange(len(near)) >= row for row in np.flatnonzero(near) if row > 0]
-        mended = [guess.mistake.mended(self.data, part) for part in parts]
-        scores, _ = log_scores(Sums.joined([sums(self._linear(each)).total() for each in mended]), self._log_std)
-        scores = scores + [_log_lost(self.data, each) for each in mended]
-        likeliest = int(np.argmax(scores))
-        return replace(guess, rows=parts[likeliest], score=float(scores[likeliest]) + guess.log_prior)
-
-    def _unlike(self, guesses: list[_Guess]) -> list[_Guess]:
-        """One of those that leave the same rows: where a column is empty or zero in all of them, a mistake is the same with it
-        and without it. So are, to the springs, a force and all that was read under it of the other sign."""
-        alike: dict[tuple[bytes, str, bool], list[_Guess]] = {}
-        for guess in guesses:
-            rows = guess.mistake.mended(self.data, guess.rows).rows
-            first = np.argmax(rows.wrench != 0, axis=1)[:, None]
-            sign = np.sign(np.take_along_axis(rows.wrench, first, axis=1))
-            left = np.nan_to_num(np.column_stack([sign * rows.wrench, sign * rows.deflection, rows.theta]), nan=np.inf) + 0.0
-            key = left.tobytes(), guess.mistake.key if guess.mistake.of == "cell" else "", guess.split
-            alike.setdefault(key, []).append(guess)
-        return [_of_alike(group) for group in alike.values()]
-
-    def _of_columns(self, plain: Sums) -> list[_Guess]:
-        """Those without a size: in all rows, before or from a visit on; and two sets of springs."""
-        each = [sums(self._linear(mistake.mended(self.data))) for mistake in self.mistakes]
-        volume = [self._log_volume(mistake) for mistake in self.mistakes]
-        # Before each boundary, then from each on.
-        parts = [(self._number < b) == head for head in (True, False) for b in self.boundaries]
-        places = [(None, 1.0), *((part, float(part.mean())) for part in parts)]
-        totals, labels = [one.total() for one in each], [(k, 0) for k in range(len(each))]
-        before = plain.up_to()
-        for k, one in enumerate(each):
-            if not self.mistakes[k].usual or self.mistakes[k].of == "cell":
-                continue
-            mended, first, last = one.up_to(), self.boundaries - 1, slice(-1, None)
-            totals += [mended[first] + before[last] - before[first], before[first] + mended[last] - mended[first]]
-            labels += [(k, place) for place in range(1, len(places))]
-        scores, _ = log_scores(Sums.joined(totals), self._log_std)
-        found = []
-        for score, (k, place) in zip(scores, labels, strict=True):
-            rows, share = places[place]
-            if rows is None and self.mistakes[k].in_part:
-                continue
-            prior = self._log_prior(self.mistakes[k].usual, rows is not None)
-            found.append(_Guess(self.mistakes[k], rows, float(score) + volume[k] * share + prior, prior))
-        return found + self._of_two_robots(before)
-
-    def _of_two_robots(self, before: Sums) -> list[_Guess]:
-        """The rows from a visit on want other springs."""
-        if not len(self.boundaries):
-            return []
-        heads = before[self.boundaries - 1]
-        scores = log_scores(heads, self._log_std)[0] + log_scores(before[slice(-1, None)] - heads, self._log_std)[0]
-        prior = self._log_prior(True, True)
-        return [_Guess(_two_robots(), self._number >= b, float(score) + prior, prior, split=True)
-                for b, score in zip(self.boundaries, scores, strict=True)]
-
-    def _of_sizes(self, springs: Array) -> list[_Guess]:
-        """Those with a size, which is found step by step in the linear model."""
-        prior, found = self._log_prior(True, False), []
-        for size in SIZES:
-            for joint in size.places:
-                start, score = self._sized(size, joint, springs)
-                # A size costs half of ln of how many readings tell it, each.
-                cost = 0.5 * len(start) * np.log(3 * len(self.data.rows))
-                found.append(_Guess(size.mistake(self.data, joint, start, start), None, score - cost + prior, prior,
-                                    size=size, joint=joint, start=start))
-        return found
-
-    def _sized(self, size: Size, joint: int | None, springs: Array) -> tuple[Array, float]:
-        """The size (P,) that fits best, and its score."""
-        typical = np.array([parameter.typical for parameter in size.parameters])
-        high = np.array([parameter.high for parameter in size.parameters])
-        values, x, best, score = np.zeros(len(typical)), springs, np.zeros(len(typical)), -np.inf
-        for _ in range(SIZE_STEPS):
-            model = self._linear(size.mistake(self.data, joint, values, values).mended(self.data))
-            columns, readings = model.columns, model.readings
-            own, at = log_scores(sums(model).total(), self._log_std)
-            if own[0] > score:
-                best, score, x = values, float(own[0]), at[0]
-            slopes = np.stack([self._linear(size.mistake(self.data, joint, values + 0.1 * step, values).mended(
-                self.data)).columns @ np.exp(x) for step in np.diag(typical)], axis=2)
-            design = np.concatenate([columns * np.exp(x), (slopes - (columns @ np.exp(x))[:, :, None]) / 0.1], axis=2)
-            left = readings - columns @ np.exp(x)
-            weight = np.where(np.isnan(self.data.rows.deflection), 0.0, 1 / model.variance[:, None])
-            gram = np.einsum("nap,na,naq->pq", design, weight, design) + np.diag(np.r_[1 / self._log_std**2, 0.04 / typical**0])
-            step = np.linalg.solve(gram, np.einsum("nap,na,na->p", design, weight, left))[6:]
-            values = np.clip(values + typical * np.clip(step, -3, 3), -high, high)
-        return best, score
-
-    def _log_prior(self, usual: bool, part: bool) -> float:
-        share = -np.log(2 * (self.usual if usual else max(self.tried - self.usual, 1)))
-        return float(share + (PART - np.log(2 * len(self.boundaries)) if part else 0.0))
-
-    def _log_volume(self, mistake: Mistake) -> float:
-        """ln of how much larger the mended readings are, all rows together, and how likely those are that it leaves out."""
-        measured = ~np.isnan(self.data.rows.deflection)
-        return float((measured * np.log(mistake.scale)).sum()) + _log_lost(self.data, mistake.mended(self.data))
-
-
-def _log_lost(data: LoadTest, mended: LoadTest, per_unit: Array | float = 1.0) -> float:
-    """ln of how likely the readings of rows are that a mended table leaves out, as draws from all; per_unit (n, 3) [1/m]."""
-    lost = np.isnan(mended.rows.deflection).all(axis=1, keepdims=True) & ~np.isnan(data.rows.deflection)
-    if not lost.any():
-        return 0.0
-    taken = np.maximum((~np.isnan(data.rows.deflection)).sum(axis=0), 1)
-    spread = np.maximum(np.sqrt(np.nansum(data.rows.deflection**2, axis=0) / taken), LEAST_SPREAD) * per_unit
-    return -float(np.sum(np.log(np.broadcast_to(spread, lost.shape)[lost]) + 0.5))
-
-
-def _two_robots() -> Mistake:
-    return Mistake("two_robots", "{rows} seem to be of another robot or tool than the others: they want other springs",
-                   "sort the rows by robot, tool and day; identify each by itself", "table", lambda data: data)
-
-
-def _fitted(plain: Posterior, guess: _Guess) -> Candidate | None:
+def _fitted(plain: Posterior, guess: Guess) -> Candidate | None:
     """The real fit; None where it has no solution."""
     data, lost = plain.data, 0.0
     try:
@@ -380,7 +171,7 @@ def _fitted(plain: Posterior, guess: _Guess) -> Candidate | None:
         else:
             models = (posterior(guess.mistake.mended(data, guess.rows)),)
             left = left_out(models[0], poses(data.rows))
-            lost = _log_lost(data, models[0].data, np.einsum("nii->ni", plain.at_map.noise.whitening))
+            lost = log_lost(data, models[0].data, np.einsum("nii->ni", plain.at_map.noise.whitening))
     except CompstiffError:
         return None
     mended = slice(None) if guess.rows is None else guess.rows
@@ -389,7 +180,7 @@ def _fitted(plain: Posterior, guess: _Guess) -> Candidate | None:
     return Candidate(guess.mistake, data, guess.rows, models, evidence + guess.log_prior, left / guess.mistake.scale)
 
 
-def _support_near_none(plain: Posterior, weights: Weights, guess: _Guess) -> float:
+def _support_near_none(plain: Posterior, weights: Weights, guess: Guess) -> float:
     """ln of how much likelier than none a mistake with a size is, prior included, linearised at none under noise of these
     weights: the quick look knows nothing of what the readings of a visit share."""
     assert guess.size is not None
@@ -411,7 +202,7 @@ def _support_near_none(plain: Posterior, weights: Weights, guess: _Guess) -> flo
     return float(gained - 0.5 * (np.linalg.slogdet(precision)[1] - springs) + guess.log_prior)
 
 
-def _with_size(plain: Posterior, guess: _Guess) -> Candidate:
+def _with_size(plain: Posterior, guess: Guess) -> Candidate:
     """The fit of one with a size; a large one is fitted again from the mended rows, where the noise is what it is there."""
     assert guess.size is not None
     assert guess.start is not None

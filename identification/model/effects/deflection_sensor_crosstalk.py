@@ -26,7 +26,7 @@ class _Crosstalk(OfReading):
     settles = "check each sensor's line with a square, or move the target along one axis and read all three"
 
     def misread(self, rows: LoadState, values: Array) -> Array:
-        return np.asarray(rows.elastic[:, :3] @ crossed(values).T)
+        return np.asarray(rows.elastic[:, :3] @ crossed(values))
 
 
 class OneWay(_Crosstalk):

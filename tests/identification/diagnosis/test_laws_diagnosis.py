@@ -15,10 +15,10 @@ from identification.diagnosis.detect import Detection, FittedNoise, detect
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.dictionary import dictionary_of
 from identification.diagnosis.discrimination import candidate_rows, next_loads
+from identification.diagnosis.odds import doubt_of
 from identification.diagnosis.pages import diagnosis_report
 from identification.diagnosis.patterns import patterns_of
 from identification.diagnosis.plan import judge_plan
-from identification.diagnosis.procedure import doubt_of
 from identification.diagnosis.projection import Base, evidence
 from identification.fit.fitted_model import Term, predicted_deflection, response
 from identification.fit.load_test import LoadTest

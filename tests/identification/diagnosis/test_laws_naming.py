@@ -197,7 +197,8 @@ def test_the_rival_that_is_likelier_by_itself_is_found(monkeypatch: pytest.Monke
     assert likelier_fit(found) is None
     tried = fitting(monkeypatch, {})
     many = seen_of(((0,), 0.3), *(((k,), 0.1) for k in (1, 2, 3, 4, 1)))
-    likelier_fit(SimpleNamespace(best=many.hypotheses[0], seen=many, fitted=fit_of(0.0)))       # type: ignore[arg-type]
+    found = SimpleNamespace(best=many.hypotheses[0], seen=many, fitted=fit_of(0.0))
+    likelier_fit(found)
     assert len(tried) == 4
 
 

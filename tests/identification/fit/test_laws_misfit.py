@@ -53,6 +53,20 @@ def test_what_springs_cannot_do_rejects_them(hidden: Hidden, seed: int, tmp_path
     assert fit.model.rejected
 
 
+def test_readings_that_no_tail_makes_are_far_off(tmp_path: Path) -> None:
+    """Noise is not, with tails as heavy as Student-3; a tenth of the rows under the largest loads that move three deflections
+    of the noise and more are, though they count for next to nothing in the fit."""
+    for stratum in ("realistic", "heavy tails"):
+        cell, rows = read(simulate(2_430_004, "ladder12", (), stratum), tmp_path)
+        quiet = posterior(LoadTest.of(cell, rows))
+        assert misfit.far_off(quiet) < 1.15
+        size = np.linalg.norm(rows.wrench[:, :3], axis=1)
+        some = (size > 0.9 * size.max()) & (rows.visit % 3 == 0)
+        assert 0.05 < some.mean() < 0.15
+        moved = rows.deflection + 80e-6 * (some * np.sign(rows.wrench[:, :3].sum(axis=1)))[:, None]
+        assert misfit.far_off(posterior(LoadTest.of(cell, replace(rows, deflection=moved)))) > 1.3
+
+
 # Arms that hang by their own weight, which no file states; one by one they were rejected with p = 5e-8, 1e-4 and 2e-6.
 HANGING = {175065: None, 175066: None, 16305: "irb6640-235-2.55"}
 

@@ -20,12 +20,14 @@ from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
 from identification.fit.mistakes.first_look import first_look
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.judge import Mistakes, common_factor_findings, mistakes_in
+from identification.fit.mistakes.look import Guess, Look, of_alike
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
-from identification.fit.mistakes.search import _Guess, _Look, _of_alike, search
+from identification.fit.mistakes.search import search
 from identification.fit.mistakes.sizes import SIZES, JointZero, ReferenceLoad, Size, ToolOffset
 from identification.fit.mistakes.slipped import slipped_mistakes
 from identification.fit.mistakes.units import time_mistake, unit_mistake
+from identification.fit.noise import USUAL_FORCE_N
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
@@ -235,12 +237,12 @@ def test_a_mistake_stands_against_physics_by_its_odds() -> None:
 def test_what_may_be_the_same_is_said_of_the_same_rows_alone() -> None:
     """Of guesses that leave the same rows one is told, with the others of another quantity that stand in the same rows."""
     def guess(key: str, rows: Any) -> Any:
-        return _Guess(Mistake(key, f"{key} of {{rows}}", "look", "table", lambda data: data), rows, 0.0, 0.0)
+        return Guess(Mistake(key, f"{key} of {{rows}}", "look", "table", lambda data: data), rows, 0.0, 0.0)
 
     late, later = np.arange(6) > 2, np.arange(6) > 3
     for rows, others, said in ((None, None, True), (late, late.copy(), True), (late, later, False), (late, None, False),
                                (None, late, False)):
-        told = _of_alike([guess("force_sign", rows), guess("deflection_sign", others), guess("force_swapped", rows)])
+        told = of_alike([guess("force_sign", rows), guess("deflection_sign", others), guess("force_swapped", rows)])
         assert told.mistake.key == "force_sign"
         assert ("or, which is the same to these rows, deflection_sign of {rows}" in told.mistake.sentence) is said
         assert "force_swapped" not in told.mistake.sentence
@@ -248,13 +250,24 @@ def test_what_may_be_the_same_is_said_of_the_same_rows_alone() -> None:
 
 def test_a_size_costs_what_its_readings_tell_it(data: LoadTest) -> None:
     """Half of ln of their number for each that is fitted: a TCP that is off along three axes thrice what it is along one."""
-    look = _Look(data)
+    look = Look(data)
     springs = log_scores(sums(linear(data)).total(), data.prior.prior.log_std)[1][0]
     for guess in look._of_sizes(springs):
         best, score = look._sized(guess.size, guess.joint, springs)
         cost = len(best) * np.log(np.sqrt(data.rows.deflection.size))
         assert guess.score - guess.log_prior == pytest.approx(score - cost)
         assert guess.log_prior < 0
+
+
+def test_a_relative_error_that_is_stated_alone_counts(data: LoadTest) -> None:
+    """3 % of the force and the usual newtons, where the file has `force_relative_std` without `force_std_n`."""
+    noise = replace(data.cell.noise, force_relative=0.03, force_relative_stated=True, force_stated=False, force=np.zeros(3))
+    model = linear(replace(data, cell=replace(data.cell, noise=noise)))
+    sensor = np.mean(np.where(np.isnan(data.rows.sigma), noise.deflection, data.rows.sigma) ** 2, axis=1)
+    moved, force = (np.linalg.norm(vector, axis=1) for vector in (data.rows.deflection, data.rows.wrench[:, :3]))
+    large = force > 100.0
+    share = np.sqrt((model.variance - sensor)[large]) / moved[large]
+    assert_allclose(share, np.hypot(0.03, USUAL_FORCE_N / force[large]), rtol=1e-9)
 
 
 @pytest.mark.parametrize(("force", "share"), [(50.0, 1.0), (500.0, 0.01 + 0.01), (5000.0, 0.01 + 0.0001)])

@@ -79,14 +79,15 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell, Measuremen
     return cell, rows, mistakes_in(plain), converged(posterior(plain.data, (), plain, usual_noise=True), effects(), 2)
 
 
-@pytest.mark.parametrize(("p_value", "odds", "verdict"), [
-    (0.02, None, "named"), (0.02, 6.0, "unknown"), (0.2, None, "named"), (0.2, 6.0, "adequate"), (0.4, None, "adequate")])
+@pytest.mark.parametrize(("p_value", "odds", "far", "verdict"), [
+    (0.02, None, 1.0, "named"), (0.02, 6.0, 1.0, "unknown"), (0.2, None, 1.0, "named"), (0.2, 6.0, 1.0, "adequate"),
+    (0.4, None, 1.0, "adequate"), (0.4, None, None, "named"), (0.4, 6.0, None, "unknown")])
 def test_what_chance_does_now_and_then_gets_no_name(
     monkeypatch: pytest.MonkeyPatch, searched: tuple[Cell, Measurements, Mistakes, Named], p_value: float, odds: float | None,
-    verdict: str,
+    far: float | None, verdict: str,
 ) -> None:
-    """An effect that is there, with a misfit that so many data sets of nothing would show, and no reading far off: a name only
-    where the odds against nothing (ln; None: as they are) are beyond doubt."""
+    """An effect that is there, with a misfit that so many data sets of nothing would show: a name only where the odds against
+    nothing (ln; None: as they are) are beyond doubt. Where readings are far off (None: as they are) it is never `adequate`."""
     cell, rows, mistakes, named = searched
     real = procedure.goodness_of_fit
 
@@ -97,8 +98,11 @@ def test_what_chance_does_now_and_then_gets_no_name(
     monkeypatch.setattr(procedure, "goodness_of_fit", by_chance)
     monkeypatch.setattr(procedure, "mistakes_in", lambda plain: mistakes)
     monkeypatch.setattr(procedure, "converged", lambda *_: named)
-    monkeypatch.setattr(procedure, "far_off", lambda _: 1.0)
+    if far is not None:
+        monkeypatch.setattr(procedure, "far_off", lambda _: far)
     if odds is not None:
         monkeypatch.setattr(procedure, "log_odds", lambda judgement, entries: (odds, odds))
     found = procedure.judge(cell, rows)
     assert (found.verdict, bool(found.causes)) == (verdict, verdict == "named")
+    if verdict == "unknown" and far is None:
+        assert "however heavy its tails" in found.patterns[0]

@@ -1,0 +1,54 @@
+"""How sure a set of causes is: against other sets, against nothing, and against chance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.diagnosis.detect import Detection
+from identification.diagnosis.judgement import Cause, Judgement
+from identification.diagnosis.naming import CERTAIN
+from identification.diagnosis.search import log_prior
+from identification.fit.mistakes.evidence import log_evidence
+from identification.fit.mistakes.search import Search
+from identification.fit.posterior import Posterior, posterior
+
+# A name needs more than an alarm does: of data sets without any cause one in a hundred shows as much, or it is likelier than
+# nothing by so much (ln odds), all parameters and the noise's sizes integrated out; and never less likely than nothing.
+NAMING = 0.01
+CERTAINLY = float(np.log(1000.0))
+# Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
+POSSIBLE = 0.5
+CHANCE_IN_WORDS = "{:.1%} of data sets without any cause show as much: too many for a name"
+NO_LIKELIER = "a larger noise explains the readings as well as it does"
+
+
+def certain(together: float, causes: tuple[Cause, ...]) -> bool:
+    """Whether the set of causes is certain, or each of them while what else is at work is not."""
+    return together >= CERTAIN or (together >= POSSIBLE and all(cause.probability >= CERTAIN for cause in causes))
+
+
+def log_posterior(found: Search, extended: Posterior, entries: int) -> float:
+    """ln posterior of a set of causes among `entries`, on the rows in which mistakes were looked for."""
+    if not extended.terms:
+        return found.log_evidence
+    if found.plain.data is not extended.data:
+        extended = posterior(found.plain.data, extended.terms, extended)
+    return log_evidence(extended) + log_prior(len(extended.terms), entries)
+
+
+def doubt_of(detection: Detection, odds: tuple[float, float]) -> str:
+    """Why what is named may be nothing, in words, "" where it may not. odds: ln, against nothing, at least and at most."""
+    least, most = odds
+    if detection.p_value > max(NAMING, detection.resolution) and least < CERTAINLY:
+        return CHANCE_IN_WORDS.format(detection.p_value)
+    return NO_LIKELIER if most < 0 else ""
+
+
+def log_odds(judgement: Judgement, entries: int) -> tuple[float, float]:
+    """ln odds of the extended model, one set among `entries`, against the plain one, all parameters and the noise's sizes
+    integrated out: at least and at most. They are known where the tails are alike; of a model with heavier tails the evidence
+    is too large, because rows that do not fit it count for little."""
+    plain, extended = judgement.plain, judgement.extended
+    odds = log_evidence(extended) + log_prior(len(extended.terms), entries) - log_evidence(plain)
+    before, after = plain.components.degrees, extended.components.degrees
+    return odds if after >= before else -np.inf, odds if after <= before else np.inf
