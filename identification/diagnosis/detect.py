@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import WIDEST, Dictionary, dictionary_of
-from identification.diagnosis.discrepancy import other_ways
 from identification.diagnosis.patterns import Pattern, patterns_of
 from identification.diagnosis.projection import PRIOR_SIZES, Base, information_blocks, room
+from identification.fit.discrepancy import other_ways
 from identification.fit.noise import NoiseModel, VarianceComponents
 from identification.fit.posterior import Posterior
 from identification.fit.sag import sag_columns

@@ -21,6 +21,10 @@ Array = NDArray[np.float64]
 ALARM = 0.0005
 # Rows at one pose without which none of them can be called bad.
 COMPANY = 3
+# Rows without which nothing is said of any.
+FEWEST = 10
+# So many bad rows may hide each other: tails that hold the second make the first no rarity.
+HIDDEN = 3
 # More bad rows than this share are no single mistakes, nor are more than so many in one visit (identification/fit/visits.py).
 MOST = 0.05
 MOST_IN_A_VISIT = 2
@@ -55,23 +59,32 @@ def bad_rows(fitted: Posterior) -> tuple[BadRow, ...]:
     kept = (count > 0) & (np.bincount(visit)[visit] >= COMPANY)
     for term, values in zip(fitted.terms, fitted.term_values, strict=True):
         kept &= ~term.effect.loose(fitted.load_state, term.joint, values)
-    bad: dict[int, float] = {}
-    while len(bad) <= MOST * len(rows):
-        candidates = np.flatnonzero(kept)
-        if len(candidates) < 10:
-            return ()
-        worst = int(candidates[np.argmax(distance[candidates])])
-        others = candidates[candidates != worst]
-        p_value = len(candidates) * probability_beyond(
-            float(distance[worst]), int(count[worst]), distance[others], count[others])
-        if p_value > ALARM:
-            break
-        bad[worst] = p_value
-        kept[worst] = False
-    else:
-        return ()
+    bad = rare(distance, count, kept, MOST * len(rows))
     crowded = np.flatnonzero(np.bincount(visit[list(bad)], minlength=1) > MOST_IN_A_VISIT)
     bad = {row: p_value for row, p_value in bad.items() if visit[row] not in crowded}
     std = residual_std(fitted.data, fitted.components, fitted.compliance)
     return tuple(BadRow(int(rows.row[k]), int(rows.line[k]), fitted.residual[k], std[k], p_value)
                  for k, p_value in bad.items())
+
+
+def rare(distance: Array, count: NDArray[np.int_], kept: NDArray[np.bool_], most: float) -> dict[int, float]:
+    """Rows that the others do not explain, the farthest first, with their probabilities: squared distances (n,) of `count`
+    components, of the rows `kept` (n,). Taken out one by one (B. Rosner, Percentage points for a generalized ESD many-outlier
+    procedure, Technometrics 25, 1983): those up to the last that is rare, also where it had hidden the ones before it. None
+    where there would be more than `most`."""
+    taken: dict[int, float] = {}
+    left, found = kept.copy(), 0
+    while len(taken) < found + HIDDEN:
+        candidates = np.flatnonzero(left)
+        if len(candidates) < FEWEST:
+            return {}
+        worst = int(candidates[np.argmax(distance[candidates])])
+        left[worst] = False
+        others = np.flatnonzero(left)
+        taken[worst] = len(candidates) * probability_beyond(float(distance[worst]), int(count[worst]), distance[others],
+                                                            count[others])
+        found = len(taken) if taken[worst] <= ALARM else found
+        if found > most:
+            return {}
+    chance = list(taken.values())[:found]
+    return {row: min(chance[k:]) for k, row in enumerate(list(taken)[:found])}

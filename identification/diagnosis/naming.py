@@ -8,10 +8,10 @@ import numpy as np
 
 from identification.common.arrays import Array
 from identification.diagnosis.attempt import attempt
-from identification.diagnosis.discrepancy import discrepancies
 from identification.diagnosis.gain import gain
 from identification.diagnosis.judgement import Cause
 from identification.diagnosis.search import Hypothesis, Survey, log_prior, survey
+from identification.fit.discrepancy import discrepancies
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.posterior import Posterior

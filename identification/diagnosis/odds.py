@@ -36,19 +36,15 @@ def log_posterior(found: Search, extended: Posterior, entries: int) -> float:
     return log_evidence(extended) + log_prior(len(extended.terms), entries)
 
 
-def doubt_of(detection: Detection, odds: tuple[float, float]) -> str:
-    """Why what is named may be nothing, in words, "" where it may not. odds: ln, against nothing, at least and at most."""
-    least, most = odds
-    if detection.p_value > max(NAMING, detection.resolution) and least < CERTAINLY:
+def doubt_of(detection: Detection, odds: float) -> str:
+    """Why what is named may be nothing, in words, "" where it may not. odds: ln, against nothing."""
+    if detection.p_value > max(NAMING, detection.resolution) and odds < CERTAINLY:
         return CHANCE_IN_WORDS.format(detection.p_value)
-    return NO_LIKELIER if most < 0 else ""
+    return NO_LIKELIER if odds < 0 else ""
 
 
-def log_odds(judgement: Judgement, entries: int) -> tuple[float, float]:
+def log_odds(judgement: Judgement, entries: int) -> float:
     """ln odds of the extended model, one set among `entries`, against the plain one, all parameters and the noise's sizes
-    integrated out: at least and at most. They are known where the tails are alike; of a model with heavier tails the evidence
-    is too large, because rows that do not fit it count for little."""
-    plain, extended = judgement.plain, judgement.extended
-    odds = log_evidence(extended) + log_prior(len(extended.terms), entries) - log_evidence(plain)
-    before, after = plain.components.degrees, extended.components.degrees
-    return odds if after >= before else -np.inf, odds if after <= before else np.inf
+    integrated out."""
+    extended = judgement.extended
+    return log_evidence(extended) + log_prior(len(extended.terms), entries) - log_evidence(judgement.plain)

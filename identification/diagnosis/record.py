@@ -19,7 +19,7 @@ from identification.fit.mending import BadVisit
 from identification.fit.misfit import needed
 from identification.fit.mistakes.judge import common_factor_findings, mistake_finding
 from identification.fit.seating import moving_zero
-from identification.fit.visit_findings import mending, sentence, validation_findings, visit_findings
+from identification.fit.visit_findings import mending, not_independent, sentence, validation_findings, visit_findings
 from identification.fit.visits import ALARM as VISIT_ALARM
 from identification.model.effects import effects
 from identification.model.effects.drift import PACE_S
@@ -310,6 +310,8 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
                                 f"{', '.join(map(cause_words, labels))}", file=source,
                                 hint="compstiff design --add 3 MEASUREMENTS --diagnosis DIAGNOSIS plans loads that tell them "
                                      "apart; compstiff explain NAME tells a check without a load"))
+    if judgement.verdict in ("adequate", "named"):
+        findings += not_independent(judgement.extended)
     findings += [*_visit_findings(judgement), *moving_zero(judgement.extended),
                  *validation_findings(judgement.validation, source)]
     for bad in judgement.bad_rows:

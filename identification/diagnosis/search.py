@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
-from identification.diagnosis.discrepancy import other_ways
 from identification.diagnosis.projection import PRIOR_SIZES, Base, Weighing, own_grams, room, scores
+from identification.fit.discrepancy import other_ways
 from identification.fit.fitted_model import Term, response
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel, Weights

@@ -31,14 +31,14 @@ from identification.fit.mistakes.judge import (
     mistakes_in,
 )
 from identification.fit.mistakes.units import unit_mistake
-from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SETUP, residual_std
+from identification.fit.noise import ABSOLUTE, FORCE, OFFSET, SETUP, residual_std
 from identification.fit.posterior import Posterior
 from identification.fit.priors import PriorKind, PriorModel
 from identification.fit.profile import Profile, profiles
 from identification.fit.seating import moving_zero
 from identification.fit.subsets import Conflict, subset_conflicts
 from identification.fit.validation import Validation, judge_validation
-from identification.fit.visit_findings import mending, sentence, validation_findings, visit_findings
+from identification.fit.visit_findings import mending, not_independent, sentence, validation_findings, visit_findings
 from identification.fit.visits import bad_visits
 from identification.measurements import Measurements
 from identification.model.cell import Cell
@@ -231,7 +231,7 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
                                 "model of all joints is rejected, whatever the loads tell of one", file=source,
                                 hint=LOOK_FOR_IT))
     findings += [*_against_prior(fitted, grades), *_other_noise(fitted),
-                 *_not_independent(fitted), *_light_rows(fitted)]
+                 *not_independent(fitted), *_light_rows(fitted)]
     for conflict in conflicts:
         if conflict.is_conflict:
             worst = int(np.argmax(np.abs(conflict.difference)))
@@ -317,24 +317,6 @@ def _other_noise(fitted: Posterior) -> list[Finding]:
                     "intervals use the estimated noise", file=fitted.data.rows.source,
                     hint="state the noise in cell.yaml if it is known; otherwise see which pose or axis stands out in the "
                     "report")]
-
-
-def _not_independent(fitted: Posterior) -> list[Finding]:
-    """What the rows of a visit share beyond its re-seating (CS1040, CS1041)."""
-    source, components, active = fitted.data.rows.source, fitted.components, fitted.at_map.noise.active
-    findings = []
-    if active[MEMORY]:
-        findings.append(Finding("CS1040", "note", "neighbouring readings of a visit are alike beyond what they share "
-                                f"(correlation {components.rho:.2f}): they tell less than so many readings of their own",
-                                file=source, hint="wait longer between readings, or take more poses"))
-    if active[SETUP]:
-        words, hint = (("stretched and turned", "align the loading device anew at each pose with a level or a square")
-                       if components.turned else
-                       ("stretched", "the sensor's readings are off by another share at each pose: let it warm up, and load "
-                        "along one of its axes"))
-        findings.append(Finding("CS1041", "note", f"the forces of one visit are {words} against those of the next, "
-                                f"by {100 * components.setup_relative:.2g} % of the load", file=source, hint=hint))
-    return findings
 
 
 def _light_rows(fitted: Posterior) -> list[Finding]:

@@ -40,6 +40,18 @@ def student_weights(
     return (degrees + count) / (degrees + distance), degrees
 
 
+def log_tails(model: NoiseModel, components: VarianceComponents, weights: Weights, residual: Array) -> float:
+    """ln of how much likelier a residual (n, 3) is under the Student distribution than under the normal one of its row weights,
+    which each row has chosen for itself: what the heavy tails of a fit cost it, their doublings with it."""
+    degrees = components.degrees
+    if np.isinf(degrees):
+        return 0.0
+    distance, count = distances(model, components, weights, residual)
+    weight = (degrees + count) / (degrees + distance)
+    as_weighed = 0.5 * count * np.log(weight / (2 * np.pi)) - 0.5 * weight * distance
+    return float(np.sum(_student_log_density(distance, count, degrees) - as_weighed) - DOUBLINGS[DEGREES.index(degrees)])
+
+
 def tails(distance: Array, count: NDArray[np.int_]) -> tuple[float, float]:
     """Degrees of freedom and scale of the Student distribution that squared distances (n,) of `count` components follow."""
     value, scale = _tried(distance, count)

@@ -6,6 +6,8 @@ import numpy as np
 
 from identification.common.findings import Finding
 from identification.fit.mending import WORTH_TELLING, BadVisit
+from identification.fit.noise import MEMORY, SETUP
+from identification.fit.posterior import Posterior
 from identification.fit.validation import Validation
 from identification.fit.visits import VisitTest
 
@@ -56,3 +58,21 @@ def validation_findings(validation: Validation | None, source: str) -> list[Find
              for row in validation.rows]
     return found + [Finding("CS1733", "warning", f"validation: {sentence(bad)}; {figure}", file=source, line=bad.score.line,
                             hint=mending(bad)) for bad in validation.visits]
+
+
+def not_independent(fitted: Posterior) -> list[Finding]:
+    """What the rows of a visit share beyond its re-seating (CS1040, CS1041)."""
+    source, components, active = fitted.data.rows.source, fitted.components, fitted.at_map.noise.active
+    findings = []
+    if active[MEMORY]:
+        findings.append(Finding("CS1040", "note", "neighbouring readings of a visit are alike beyond what they share "
+                                f"(correlation {components.rho:.2f}): they tell less than so many readings of their own",
+                                file=source, hint="wait longer between readings, or take more poses"))
+    if active[SETUP]:
+        words, hint = (("stretched and turned", "align the loading device anew at each pose with a level or a square")
+                       if components.turned else
+                       ("stretched", "the sensor's readings are off by another share at each pose: let it warm up, and load "
+                        "along one of its axes"))
+        findings.append(Finding("CS1041", "note", f"the forces of one visit are {words} against those of the next, "
+                                f"by {100 * components.setup_relative:.2g} % of the load", file=source, hint=hint))
+    return findings

@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import CompstiffError
-from identification.fit.fitted_model import response
+from identification.fit.discrepancy import discrepancies
+from identification.fit.fitted_model import WIDE, response
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import MEMORY, SETUP, NoiseModel, noise_model
 from identification.fit.own_response import LoadColumns, own_response
@@ -29,6 +30,7 @@ from identification.fit.posterior import Posterior, posterior
 from identification.fit.sag import sag_columns
 from identification.measurements import Measurements
 from identification.model.compliance import compliance_matrix
+from identification.model.law_of import LawOf
 
 Array = NDArray[np.float64]
 # A visit is left out only on evidence that is rarer by chance than this, family-wise over the visits.
@@ -205,11 +207,15 @@ def score_visits(fitted: Posterior, data: LoadTest, rng: np.random.Generator, re
 
 
 def _otherwise(fitted: Posterior, data: LoadTest) -> Array:
-    """What the named causes of the robot may do otherwise in these rows (n, 3, m) [m], 1 sigma at each pose by itself."""
+    """What the named causes of the robot may do otherwise in these rows (n, 3, m) [m], 1 sigma at each pose by itself: more or
+    less of it, and as their laws of other shapes, also where their own does nothing."""
     state = data.load_state(fitted.compliance)
-    moved = [LAW * term.contribution(state, values)[:, :3]
-             for term, values in zip(fitted.terms, fitted.term_values, strict=True) if term.effect.of_robot]
-    return np.stack(moved, axis=2) if moved else np.zeros((len(data.rows), 3, 0))
+    of_robot = tuple(replace(term, start=values) for term, values in zip(fitted.terms, fitted.term_values, strict=True)
+                     if term.effect.of_robot)
+    more = [LAW * term.contribution(state, term.start)[:, :3, None] for term in of_robot]
+    others = [WIDE * free.scale * free.effect.columns(state, free.joint, free.start)[:, :3]
+              for free in discrepancies(state, of_robot) if isinstance(free.effect, LawOf)]
+    return np.concatenate([np.zeros((len(data.rows), 3, 0)), *more, *others], axis=2)
 
 
 def visit_name(rows: Measurements, mine: NDArray[np.intp]) -> str:

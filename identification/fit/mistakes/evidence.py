@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.fit.noise import VarianceComponents
 from identification.fit.posterior import Posterior
+from identification.fit.student import log_tails
 from identification.fit.variance_components import ComponentPosterior
 
 # Components of the noise up to so many times the stated ones where noise may have taken up what a mistake does.
@@ -15,13 +16,14 @@ ORDINARY = 2.0
 
 
 def log_evidence(fitted: Posterior) -> float:
-    """ln p(rows) by Laplace, but for what models of the same rows have in common."""
+    """ln p(rows) by Laplace, but for what models of the same rows have in common; rows that count for little cost what their
+    heavy tails cost."""
     at = fitted.at_map
     given_noise = float(ComponentPosterior(at)(fitted.components.logs[None])[0][0])
     free = np.flatnonzero(at.noise.active)
     volume = 0.5 * float(np.linalg.slogdet(2 * np.pi * fitted.components_covariance[np.ix_(free, free)])[1])
     prior = 0.5 * float(np.linalg.slogdet(at.prior.precision(at.x))[1]) - at.prior.value(at.x)
-    return given_noise + prior + volume
+    return given_noise + prior + volume + log_tails(at.noise, fitted.components, fitted.weights, at.residual)
 
 
 def ordinary(fitted: Posterior) -> VarianceComponents:

@@ -31,6 +31,9 @@ OF_TOOL = tuple(np.geomspace(40.0, 800.0, 31).round(1).tolist())
 OF_ARM = tuple(np.geomspace(400.0, 8000.0, 31).round(0).tolist())
 # Where a gear is worn: so many angles, evenly over those of the rows, and half widths [rad] are tried.
 PLACES, WIDTHS = 9, (0.25, 0.5)
+# What a gear that is uneven does beside its law (engineering judgement, as of all gears' laws): waves so often within a turn,
+# each part of one, 1 sigma, this share of its size.
+WAVES, UNLIKE = (1, 2, 3), 0.2
 # A load hangs where it is plumb to this share; loads are of hung weights where so many of them are plumb.
 PLUMB = 1e-3
 MOST_HANG = 0.75
@@ -244,11 +247,21 @@ class SizeAndAngle(Effect):
                 *self.of_other_laws(rows, joint)]
 
 
-class SofterAtAngles(SizeAndAngle, GearTwist):
-    """`J_i tau_i c_i alpha cos(n q_i + phi)`, n the harmonic, linear in alpha cos phi and alpha sin phi: the gear is softer at
-    some angles of its joint than at others."""
+class OfTheAngle(GearTwist):
+    """The gear is softer at some angles of its joint than at others. Further ways: other waves over the angle."""
 
     gear_law = False
+    ways = 2 * len(WAVES)
+
+    def further_ways(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        i = self.index(joint)
+        angles = np.multiply.outer(rows.theta[:, i], WAVES)
+        waves = UNLIKE * values[0] * np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
+        return np.asarray(np.einsum("na,n,nw->naw", rows.jacobian[:, :, i], rows.torque[:, i] * rows.compliance[i], waves))
+
+
+class SofterAtAngles(SizeAndAngle, OfTheAngle):
+    """`J_i tau_i c_i alpha cos(n q_i + phi)`, n the harmonic, linear in alpha cos phi and alpha sin phi."""
 
     @property
     @abstractmethod
@@ -260,11 +273,10 @@ class SofterAtAngles(SizeAndAngle, GearTwist):
         return np.asarray(rows.torque[:, i] * rows.compliance[i] * share)
 
 
-class SofterAbout(GearTwist):
+class SofterAbout(OfTheAngle):
     """`J_i tau_i c_i a exp(-(q_i - q_0)^2 / 2 w^2)`: the gear is softer about one angle of its joint."""
 
     law = "worn"
-    gear_law = False
     formula_source = "engineering judgement: wear is as the angles at which the joint worked are spread"
     parameters = (
         Parameter("share", "1", 0.3, 0.0, 5.0,
@@ -277,6 +289,7 @@ class SofterAbout(GearTwist):
                   source="engineering judgement: 15 to 30 degrees, what one job moves the joint",
                   bounds_source="engineering judgement: a few teeth, to half of the joint's way"),
     )
+
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         share, angle, width = values
         return np.asarray(rows.torque[:, i] * rows.compliance[i] * share

@@ -311,13 +311,10 @@ def detected(p_value):
 
 
 @pytest.mark.parametrize(("p_value", "odds", "says"), [
-    (0.005, (8.0, 8.0), ""), (0.01, (1.0, 1.0), ""),
-    (0.03, (6.8, 6.8), "too many for a name"), (0.03, (-np.inf, 9.0), "too many for a name"),     # ln 1000 = 6.9
-    (0.03, (7.0, 7.0), ""), (0.03, (7.0, np.inf), ""),
-    (0.005, (-0.1, -0.1), "a larger noise explains"), (0.005, (-20.0, np.inf), ""),
-    (0.68, (1.7, 1.7), "too many for a name"), (0.68, (7.0, 7.0), "")])     # looked for since the readings scatter
+    (0.005, 8.0, ""), (0.01, 1.0, ""), (0.03, 6.8, "too many for a name"), (0.03, 7.0, ""),        # ln 1000 = 6.9
+    (0.005, -0.1, "a larger noise explains"), (0.03, -0.1, "too many for a name"),
+    (0.68, 1.7, "too many for a name"), (0.68, 7.0, "")])                           # looked for since the readings scatter
 def test_a_name_is_rare_by_chance_or_far_likelier_than_nothing(p_value, odds, says):
-    """At least, at most: where one of the models leans on tails that let rows count for little, only one of them is known."""
     doubt = doubt_of(detected(p_value), odds)
     assert says in doubt
     assert bool(doubt) == bool(says)

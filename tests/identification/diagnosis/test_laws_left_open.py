@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.diagnosis.discrepancy import discrepancies
+from identification.fit.discrepancy import discrepancies
 from identification.fit.fitted_model import Term, with_terms
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import posterior

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal, multivariate_t
 
-from identification.fit.student import DEGREES, probability_beyond, tails
+from identification.fit.noise import VarianceComponents
+from identification.fit.student import DEGREES, log_tails, probability_beyond, tails
 
 THREE = np.eye(3)
 
@@ -98,3 +102,20 @@ def test_a_wrong_digit_is_bad(rows: int) -> None:
     readings = drawn(np.random.default_rng(76), rows, np.inf)
     readings[5, 1] += 40.0 if rows < 100 else 12.0
     assert worst(readings) < 1e-4
+
+
+@pytest.mark.parametrize("degrees", DEGREES)
+def test_heavy_tails_cost_the_evidence_what_they_cost(degrees: float) -> None:
+    """Of a normal likelihood in which each row has the weight that it takes in the fit, what makes it the Student's, each
+    doubling of heaviness from 100 on one unit less: two fits with unlike tails are weighed by their likelihoods."""
+    readings = drawn(np.random.default_rng(73), 40, 6.0)
+    readings[0] *= 20
+    squared = np.sum(readings**2, axis=1)
+    noise = SimpleNamespace(measured=np.ones((40, 3), dtype=bool), of_rows_alone=lambda _: np.tile(THREE, (40, 1, 1)))
+    nothing_shared = SimpleNamespace(shared=np.zeros_like)
+    weight = np.ones(40) if np.isinf(degrees) else (degrees + 3) / (degrees + squared)
+    as_weighed = sum(multivariate_normal(np.zeros(3), THREE / w).logpdf(reading)
+                     for w, reading in zip(weight, readings, strict=True))
+    cost: Any = log_tails
+    assert as_weighed + cost(noise, VarianceComponents(degrees=degrees), nothing_shared, readings) == pytest.approx(
+        log_likelihood(readings, degrees, 1.0) - np.log2(100 / min(degrees, 100)))

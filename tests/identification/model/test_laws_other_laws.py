@@ -211,3 +211,21 @@ def test_a_force_sensor_of_struts_yields_in_its_ways_and_no_others() -> None:
         # What the columns say the law does.
         shares = np.concatenate([[0.3, -1.2, 0.7], np.zeros(18)])
         assert_allclose(law.contribution(rows, None, shares)[:, :3], np.tensordot(shares[:3], ways, 1), atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["uneven_gear", "gravity_compensator"])
+def test_an_uneven_gear_may_have_any_wave_of_up_to_three_a_turn(name: str) -> None:
+    """Its further ways are these waves of the gear's own twist, each part of them a fifth of its size, and no others."""
+    arm, rng = robot(), np.random.default_rng(10)
+    wrench = np.concatenate([rng.uniform(-300, 300, (30, 3)), np.zeros((30, 3))], axis=1)
+    rows = load_state(arm, TOOL, random_poses(arm, 30, rng, 0.6), wrench, np.full(6, 1e-6))
+    joint = effects()[name].joints[0]
+    for law in (effects()[name], *effects()[name].other_laws):
+        i, values = joint - 1, np.array([0.4, 0.7, 0.3])[: len(law.parameters)]
+        ways = law.further_ways(rows, joint, values)
+        twist = rows.jacobian[:, :, i] * (rows.torque[:, i] * 1e-6)[:, None]
+        for turns, told in ((1, True), (2, True), (3, True), (4, False)):
+            wave = 0.4 * 0.2 * twist * np.cos(turns * rows.theta[:, i] + 1.1)[:, None]
+            weight, left = np.linalg.lstsq(ways.reshape(-1, ways.shape[2]), wave.ravel(), rcond=None)[:2]
+            assert bool(np.isclose(np.linalg.norm(weight), 1.0)) is told
+            assert (float(left[0]) < 1e-20) is told

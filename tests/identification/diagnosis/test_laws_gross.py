@@ -1,0 +1,50 @@
+"""Single bad rows: several that are as far off do not hide each other, and heavy tails alone have hardly ever one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis import gross
+
+ROWS = 105
+
+
+def squared(rng: np.random.Generator, degrees: float = np.inf) -> np.ndarray:
+    """Squared distances (n,) of readings of three components."""
+    heavier = 1.0 if np.isinf(degrees) else rng.chisquare(degrees, ROWS) / degrees
+    return np.asarray(rng.chisquare(3, ROWS) / heavier)
+
+
+def rare(distance: np.ndarray) -> dict[int, float]:
+    return gross.rare(distance, np.full(ROWS, 3), np.ones(ROWS, dtype=bool), 0.05 * ROWS)
+
+
+@pytest.mark.parametrize("off", [(27.0,), (27.0, 27.1), (27.0, 27.1, 27.2)])
+def test_readings_that_are_as_far_off_do_not_hide_each_other(off: tuple[float, ...]) -> None:
+    """A gauge at the end of its travel, at two loads: each made the tails so heavy that the other was no rarity."""
+    for seed in range(5):
+        distance = squared(np.random.default_rng(seed))
+        distance[: len(off)] = np.square(off)
+        assert set(rare(distance)) == set(range(len(off)))
+        assert max(rare(distance).values()) <= gross.ALARM
+
+
+def test_without_a_look_behind_the_first_they_would(monkeypatch: pytest.MonkeyPatch) -> None:
+    distance = squared(np.random.default_rng(0))
+    distance[:2] = 27.0**2, 27.1**2
+    monkeypatch.setattr(gross, "HIDDEN", 1)
+    assert not rare(distance)
+
+
+@pytest.mark.parametrize("degrees", [np.inf, 6.0, 3.0])
+def test_heavy_tails_have_hardly_ever_one(degrees: float) -> None:
+    """One in two thousand load tests is meant."""
+    rng = np.random.default_rng(77)
+    assert sum(bool(rare(squared(rng, degrees))) for _ in range(60)) <= 1
+
+
+def test_too_many_are_no_single_mistakes() -> None:
+    distance = squared(np.random.default_rng(3))
+    distance[:6] = 60.0**2
+    assert not rare(distance)
