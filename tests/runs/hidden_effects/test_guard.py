@@ -101,7 +101,7 @@ def test_what_chance_does_now_and_then_gets_no_name(
     if far is not None:
         monkeypatch.setattr(procedure, "far_off", lambda _: far)
     if odds is not None:
-        monkeypatch.setattr(procedure, "log_odds", lambda judgement, entries: (odds, odds))
+        monkeypatch.setattr(procedure, "log_odds", lambda judgement, entries: odds)
     found = procedure.judge(cell, rows)
     assert (found.verdict, bool(found.causes)) == (verdict, verdict == "named")
     if verdict == "unknown" and far is None:
