@@ -126,7 +126,7 @@ def test_where_teeth_rest_anywhere_no_reading_is_bad() -> None:
 
 
 def test_more_noise_than_stated_is_no_name_by_itself() -> None:
-    """Twenty readings with nothing hidden need forces that differ by over 1 % from one set-up to the next, and half of such sets
+    """Twenty readings with nothing hidden need forces that differ by 1 % from one set-up to the next, and half of such sets
     show as much: a name that is five times likelier than nothing is none, and the springs stand, with that said."""
     found = diagnosed(simulate(950022, "shop", "near", (), weight=drawn(950022, "shop", DICTIONARY)[1]))
     assert found.judgement.detection.p_value > 0.3
