@@ -59,7 +59,7 @@ class Judgement:
     unknown cause. robot_difference: by how much [m, RMS] the rivals (or the laws that a cause leaves open) differ in what
     the robot does under the largest load, None where nothing is open. left_out: effects these rows cannot show, and why.
     law_differs: the causes explain nearly all of the misfit, and what is left is still more than noise. withdrawn: names
-    that were all but given, and what spoke against each. log_odds: ln odds, at least, of the named model against the plain
+    that were all but given, and what spoke against each. log_odds: ln odds of the named model against the plain
     one, all parameters and the noise's sizes integrated out, None where no cause is named. lost: sets of causes whose fit
     did not converge, which are no candidates. bad_rows: not among `rows`. thinning: how the rows of machined passes were
     averaged. share: how many of the rows were looked at, None: all. carried: the extended model with the laws of its

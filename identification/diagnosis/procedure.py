@@ -53,8 +53,6 @@ ALARM = 0.05
 INADEQUATE = 0.005
 # Up to this probability of the detection a cause is looked for all the same, and must be that much likelier than nothing.
 LOOKED_AT = 0.3
-# So where forces that are set up anew at each visit differ by more, in usual sizes: that may be there for want of a cause.
-SET_UP_WELL = 5.0
 # Readings that are so many times off what the noise allows, heavy tails with it, are no noise (misfit.far_off).
 FAR_OFF = 1.3
 FAR_IN_WORDS = ("the readings are off by {:.1f} times what the noise allows, however heavy its tails: those that are far off "
@@ -198,7 +196,7 @@ class Procedure:
         if detection.p_value <= self.alarm or judgement.scatter:
             return self.named(judgement)
         far = far_off(plain)
-        if detection.p_value <= LOOKED_AT or far > FAR_OFF or plain.components.setup > SET_UP_WELL:
+        if detection.p_value <= LOOKED_AT or far > FAR_OFF:
             found = self.named(judgement)
             if found.log_odds is not None and found.log_odds >= CERTAINLY:
                 return found

@@ -16,6 +16,7 @@ from identification.diagnosis.diagnose import diagnose
 from identification.fit import misfit
 from identification.fit.fit import Fit, fit_stiffness
 from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
 from identification.fit.posterior import posterior
 from identification.measurements import Measurements, read_measurements
@@ -67,6 +68,19 @@ def test_readings_that_no_tail_makes_are_far_off(tmp_path: Path) -> None:
         assert 0.05 < some.mean() < 0.15
         moved = rows.deflection + 80e-6 * (some * np.sign(rows.wrench[:, :3].sum(axis=1)))[:, None]
         assert misfit.far_off(posterior(LoadTest.of(cell, replace(rows, deflection=moved)))) > 1.3
+
+
+def test_readings_that_are_far_off_make_the_rows_less_likely(tmp_path: Path) -> None:
+    """Two of them by 300 um in noise of a few: a Student distribution of 3 degrees of freedom makes one sixty deviations
+    off e^22 times less likely, one of more degrees still less. The rows had been likelier with them than without, by e^40."""
+    cell, rows = read(simulate(2_430_004, "ladder12"), tmp_path)
+    quiet = posterior(LoadTest.of(cell, rows))
+    deflection = rows.deflection.copy()
+    deflection[np.flatnonzero(np.any(rows.wrench != 0, axis=1))[[20, 47]], 0] += 300e-6
+    moved = posterior(LoadTest.of(cell, replace(rows, deflection=deflection)))
+    assert np.isinf(quiet.components.degrees)
+    assert moved.components.degrees <= 6
+    assert log_evidence(moved) < log_evidence(quiet) - 44
 
 
 # Arms that hang by their own weight, which no file states; one by one they were rejected with p = 5e-8, 1e-4 and 2e-6.
