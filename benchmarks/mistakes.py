@@ -173,12 +173,12 @@ def main() -> None:
     parser.add_argument("what", choices=["planted", "none", "look"])
     parser.add_argument("seeds", nargs="?", type=int, default=8)
     parser.add_argument("first", nargs="?", type=int, default=5_100_000)
-    parser.add_argument("--only", help="one mistake")
+    parser.add_argument("--only", nargs="+", help="these mistakes")
     parser.add_argument("--shop", action="store_true", help="plans as a shop might make them")
     options = parser.parse_args()
     seeds = range(options.first, options.first + options.seeds)
     print(f"seeds {seeds.start} to {seeds.stop - 1}")
-    names = [options.only] if options.only else [*MISTAKES, TWO]
+    names = options.only or [*MISTAKES, TWO]
     match options.what:
         case "planted":
             table_of_planted(seeds, names, (SHOP,) if options.shop else ROBOTS)

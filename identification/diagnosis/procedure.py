@@ -13,7 +13,7 @@ from identification.diagnosis.detect import REPLICATES, Detection, goodness_of_f
 from identification.diagnosis.discrimination import next_loads, rivals_of, robot_difference
 from identification.diagnosis.explained import explained
 from identification.diagnosis.gain import gain
-from identification.diagnosis.gross import bad_rows
+from identification.diagnosis.gross import bad_rows, with_crowded
 from identification.diagnosis.judgement import Judgement
 from identification.diagnosis.naming import (
     AGAINST,
@@ -131,6 +131,8 @@ class Procedure:
         if judgement.verdict == "mistake":
             return judgement
         test = bad_visits(judgement.extended, self.seed)
+        if not test.bad:
+            test = with_crowded(test, judgement.extended)
         judgement = self.without_bad_visits(judgement, test) if test.bad else self.without_bad_rows(judgement)
         if judgement.verdict == "adequate" and test.too_many:
             judgement = replace(judgement, verdict="unknown", patterns=(

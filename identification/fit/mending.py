@@ -1,17 +1,13 @@
-"""What would mend a visit that does not fit the others: one slip in its angles or loads, tried against its own response.
+"""What would mend a visit that does not fit the others: one slip in its angles, loads or readings, held against its response.
 
-Slips that people make are tried, kind by kind: a digit of one angle changed, lost or one too many, two neighbouring digits
-exchanged, a sign, a decimal point, two columns of angles exchanged, the angles of another visit, the sign of a load. Each gives
-the response `G F` of the springs that the other visits found, at the pose that the table should then have; its probability is
-that of its misfit among all slips and "none of these", each kind as likely as another beforehand. None of these: the response
-is off by half of itself in any way.
+Slips that people make (slips.py) are tried, kind by kind. Each gives the response `G F` of the springs that the other visits
+found, at the pose that the table should then have; its probability is that of its misfit among all slips and "none of these",
+each kind as likely as another beforehand. None of these: the response is off by a part of itself in any way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,6 +17,7 @@ from identification.fit.fitted_model import response
 from identification.fit.noise import noise_model
 from identification.fit.own_response import LoadColumns, OwnResponse, own_response
 from identification.fit.posterior import Posterior
+from identification.fit.slips import FROM_ANOTHER, Slip, slips_of
 from identification.fit.visits import SHARED_FORCE, VisitScore, VisitTest, visit_name
 from identification.measurements import Measurements
 from identification.model.effects_in_force import SPRINGS
@@ -32,16 +29,13 @@ MOST, WORTH_KEEPING, FITS = 3, 0.05, 1e-3
 # In words only those of this probability.
 WORTH_TELLING = 0.25
 # Angles taken from a visit that is right itself are so many times rarer than another slip.
-FROM_ANOTHER = "another visit's angles"
 RARER = {FROM_ANOTHER: 10.0}
 # A slip that moves an axis less changes nothing that could be seen.
 LEAST_DEG = 0.5
-# Off by so much of itself is a response that none of the slips explains.
-ANYTHING = 0.5
+# Off by one of these parts of itself is a response that none of the slips explains: little as by what sticks or drags, or much.
+ANYTHING = (0.03, 0.1, 0.5)
 # What the robot's own weight may make of a response where the robot file has no links: the angles are off by some mrad.
 OWN_WEIGHT = 0.03
-# Rows of a visit up to which each load's sign is tried by itself.
-FEW_LOADS = 6
 
 
 @dataclass(frozen=True)
@@ -56,16 +50,6 @@ class Mend:
     def as_dict(self) -> dict[str, Any]:
         """JSON values."""
         return {"kind": self.kind, "what": self.what, "probability": self.probability}
-
-
-@dataclass(frozen=True, eq=False)
-class _Slip:
-    """kind and words of a slip; theta (6,) [rad]: the pose it would be; force (n, 3) [N]: the loads, None where as they are."""
-
-    kind: str
-    what: str
-    theta: Array
-    force: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +89,7 @@ def mends(rest: Posterior, rows: Measurements, score: VisitScore, scale: float, 
 
     mine = np.isin(rows.row, score.rows)
     visit = _Visit(rest, rows.select(mine), scale)
-    slips = [slip for slip in _slips(rows, mine, bad) if _new(rest, rows.theta[mine][0], slip)]
+    slips = [slip for slip in slips_of(rows, mine, bad, visit.expected) if _new(rest, rows.theta[mine][0], slip)]
     if not slips:
         return ()
     number = {kind: sum(slip.kind == kind for slip in slips) for kind in {slip.kind for slip in slips}}
@@ -138,27 +122,37 @@ class _Visit:
         self._beyond = beyond.coefficients[0, : self._loads.columns.shape[2]]
 
     @property
+    def expected(self) -> Array:
+        """The readings (n, 3) [m] that the other visits let expect."""
+        return self._position
+
+    @property
     def directions(self) -> int:
         """How many numbers the response has."""
         return int(self._loads.columns.shape[2])
 
-    def judged(self, slips: list[_Slip]) -> tuple[Array, Array]:
+    def judged(self, slips: list[Slip]) -> tuple[Array, Array]:
         """ln likelihood of the visit with each slip mended, and its misfit as a chi-squared."""
         value, misfit = np.empty(len(slips)), np.empty(len(slips))
-        as_they_are = np.array([slip.force is None for slip in slips])
+        as_they_are = np.array([not slip.in_rows for slip in slips])
         theta = np.array([slip.theta for slip in slips])
         value[as_they_are], misfit[as_they_are] = self._against(theta[as_they_are], self._loads, self._own, self._shared)
         for k in np.flatnonzero(~as_they_are):
-            force = slips[k].force
-            assert force is not None
-            loads, own = self._response(force, np.nan_to_num(self._rows.deflection))
+            slip, rows = slips[k], self._rows
+            loads, own = self._response(rows.wrench[:, :3] if slip.force is None else slip.force, np.nan_to_num(
+                rows.deflection if slip.readings is None else slip.readings))
+            if loads.columns.shape != self._loads.columns.shape:
+                # Loads in fewer or more directions than the table's tell another response.
+                value[k], misfit[k] = -np.inf, np.inf
+                continue
             one, off = self._against(theta[k: k + 1], loads, own, self._shared)
             value[k], misfit[k] = one[0] - 0.5 * (own.left[0] - self._own.left[0]) / self._scale, off[0]
         return value, misfit
 
     def anything(self) -> float:
         """ln likelihood of a response off in any way."""
-        return float(self._against(self._rows.theta[:1], self._loads, self._own, ANYTHING)[0][0])
+        each = [self._against(self._rows.theta[:1], self._loads, self._own, part)[0][0] for part in ANYTHING]
+        return float(np.logaddexp.reduce(each) - np.log(len(each)))
 
     def _against(self, theta: Array, loads: LoadColumns, own: OwnResponse, shared: float) -> tuple[Array, Array]:
         """ln likelihood (m,) and squared distance (m,) of the measured response from the springs' at poses theta (m, 6), with a
@@ -191,78 +185,8 @@ class _Visit:
         return loads, own_response(columns, self._precision, prior, whitened)
 
 
-def _new(rest: Posterior, theta: Array, slip: _Slip) -> bool:
+def _new(rest: Posterior, theta: Array, slip: Slip) -> bool:
     """Whether a slip changes something, to a pose the robot can take."""
     inside = bool(np.all(rest.data.cell.robot.limit_excess(slip.theta[None]) <= 0))
     moved = bool(np.max(np.abs(slip.theta - theta)) >= np.radians(LEAST_DEG))
-    return inside and (moved or slip.force is not None)
-
-
-def _slips(rows: Measurements, mine: NDArray[np.bool_], bad: frozenset[str]) -> Iterator[_Slip]:
-    """All slips that are tried, of the rows `mine` (N,) of one visit."""
-    theta, force = rows.theta[mine][0], rows.wrench[mine, :3]
-    for axis, angle in enumerate(theta):
-        text = written(float(np.degrees(angle)))
-        for kind, other in slips_of_pen(text):
-            moved = theta.copy()
-            moved[axis] = np.radians(float(other))
-            yield _Slip(kind, f"axis {axis + 1} is {text} in the table; {other} would fit", moved)
-    for i in range(6):
-        for j in range(i):
-            moved = theta.copy()
-            moved[[i, j]] = theta[[j, i]]
-            yield _Slip("columns exchanged", f"axes {j + 1} and {i + 1} are {written(float(np.degrees(theta[j])))} and "
-                        f"{written(float(np.degrees(theta[i])))} in the table; exchanged they would fit", moved)
-    own = rows.visit[mine][0]
-    seen: set[str] = {visit_name(rows, np.flatnonzero(mine))}
-    for visit in np.unique(rows.visit[rows.visit != own]):
-        place = np.flatnonzero(rows.visit == visit)
-        name = visit_name(rows, place)
-        if name not in seen and np.all(rows.theta[place] == rows.theta[place[0]]):
-            seen.add(name)
-            kind, ask = ("visits exchanged", "were the two exchanged?") if name in bad else (FROM_ANOTHER, "is it that pose?")
-            yield _Slip(kind, f"the angles of {name} would fit: {ask}", rows.theta[place[0]])
-    yield from _loads_turned(rows, mine, theta, force)
-
-
-def _loads_turned(rows: Measurements, mine: NDArray[np.bool_], theta: Array, force: Array) -> Iterator[_Slip]:
-    """Loads with the other sign: all, one axis, or single rows of a few."""
-    kind = "sign of a load"
-    axes = np.flatnonzero(np.any(force != 0, axis=0))
-    if len(axes) > 1:
-        yield _Slip(kind, "its loads with the other sign would fit", theta, -force)
-    for axis in axes:
-        turned = force.copy()
-        turned[:, axis] *= -1
-        yield _Slip(kind, f"f{'xyz'[axis]} with the other sign would fit", theta, turned)
-    if 1 < len(force) <= FEW_LOADS:
-        for row, line in enumerate(rows.line[mine]):
-            turned = force.copy()
-            turned[row] *= -1
-            yield _Slip(kind, f"the load in line {line} with the other sign would fit", theta, turned)
-
-
-def written(angle: float) -> str:
-    """An angle [deg] as it stands in the table, as far as that is known: six decimals, no empty ones."""
-    return f"{angle:.6f}".rstrip("0").rstrip(".")
-
-
-def slips_of_pen(text: str) -> list[tuple[str, str]]:
-    """(kind, other number) for every slip of the pen that may have made `text` of it; each number once, simple kinds first."""
-    sign, digits = ("-", text[1:]) if text.startswith("-") else ("", text)
-    places = [k for k, letter in enumerate(digits) if letter.isdigit()]
-    whole = len(digits.split(".")[0])
-    found: list[tuple[str, str]] = [("sign", digits if sign else "-" + digits)]
-    for first, second in pairwise(places):
-        changed = list(digits)
-        changed[first], changed[second] = digits[second], digits[first]
-        found.append(("digits exchanged", sign + "".join(changed)))
-    found += [("digit", sign + digits[:k] + other + digits[k + 1:]) for k in places for other in "0123456789"]
-    found += [("digit lost", sign + digits[:k] + other + digits[k:]) for k in range(whole + 1) for other in "0123456789"]
-    found += [("digit too many", sign + digits[:k] + digits[k + 1:]) for k in places if len(places) > 1 and k < whole]
-    found += [("decimal point", written(float(text) * factor)) for factor in (10.0, 0.1)]
-    once: dict[float, tuple[str, str]] = {}
-    for kind, other in found:
-        if other.strip("-").strip(".") and float(other) != float(text):
-            once.setdefault(float(other), (kind, other))
-    return list(once.values())
+    return inside and (moved or slip.in_rows)

@@ -15,6 +15,7 @@ from identification.fit.mistakes.axes import axes_mistakes
 from identification.fit.mistakes.cell_file import cell_mistakes
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.mistake import Mistake
+from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.units import DEFLECTION_UNITS, FORCE_UNITS
 from identification.model.compliance import regressor
 
@@ -119,7 +120,8 @@ def _columns(data: LoadTest) -> tuple[Array, Array, float]:
 
 def _explaining(data: LoadTest, left: float) -> Mistake | None:
     """The usual mistake without which the springs explain the readings best, if they do."""
-    candidates = [mistake for mistake in (*axes_mistakes(data), *joint_mistakes(data), *cell_mistakes(data)) if mistake.usual]
+    tried = (*axes_mistakes(data), *joint_mistakes(data), *reading_mistakes(data), *cell_mistakes(data))
+    candidates = [mistake for mistake in tried if mistake.usual]
     each = [unexplained(mistake.mended(data)) for mistake in candidates]
     best = int(np.argmin(each))
     return candidates[best] if each[best] < LEFT * left else None

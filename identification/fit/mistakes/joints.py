@@ -63,12 +63,21 @@ def _from(joint: int, by: float) -> Callable[[Array], Array]:
 
 
 def _coupled(robot: RobotModel) -> list[Mistake]:
-    """The angle of the driven joint given against its neighbour instead of the controller's, or the other way round."""
-    if np.array_equal(robot.coupling, np.diag(robot.sense)):
-        return []
-    named = "the joint with the parallel rod" if robot.rod else "the coupled joint"
-    words = f"the angle of {named} seems to be counted the other way (against its neighbour) in {{rows}}"
-    return [_angles("joint_coupling", words, lambda theta: (theta * robot.sense) @ robot.uncoupling.T)]
+    """The angle of the coupled joint, or of the third, given against its neighbour instead of the controller's, or the other
+    way round."""
+    if not np.array_equal(robot.coupling, np.diag(robot.sense)):
+        named = "the joint with the parallel rod" if robot.rod else "the coupled joint"
+        words = f"the angle of {named} seems to be counted the other way (against its neighbour) in {{rows}}"
+        return [_angles("joint_coupling", words, lambda theta: (theta * robot.sense) @ robot.uncoupling.T)]
+    return [_angles(f"joint_coupling[{sign:+d}]", f"q3 seems to be written with q2 {words} (counted from elsewhere than this "
+                    "controller does) in {rows}", _third_with(sign)) for sign, words in ((1, "taken off"), (-1, "added"))]
+
+
+def _third_with(sign: int) -> Callable[[Array], Array]:
+    """q3 with q2 taken off or added."""
+    by = np.eye(6)
+    by[2, 1] = sign
+    return lambda theta: theta @ by.T
 
 
 def _robots(data: LoadTest) -> list[Mistake]:

@@ -16,6 +16,7 @@ from identification.fit.mistakes.axes import axes_mistakes
 from identification.fit.mistakes.cell_file import cell_mistakes
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.mistake import Mistake
+from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.screen import Linear, Sums, linear, log_scores, spring_jacobian, sums
 from identification.fit.mistakes.sizes import SIZES, Size
 from identification.fit.mistakes.slipped import slipped_mistakes
@@ -72,7 +73,8 @@ class Look:
 
     def __init__(self, data: LoadTest) -> None:
         self.data = data
-        self.mistakes = [*axes_mistakes(data), *joint_mistakes(data), *slipped_mistakes(data), *cell_mistakes(data)]
+        self.mistakes = [*axes_mistakes(data), *joint_mistakes(data), *slipped_mistakes(data), *reading_mistakes(data),
+                         *cell_mistakes(data)]
         self.visits, self._number = np.unique(data.rows.visit, return_inverse=True)
         self._log_std = data.prior.prior.log_std
         self._arm = spring_jacobian(data)

@@ -48,3 +48,30 @@ def test_too_many_are_no_single_mistakes() -> None:
     distance = squared(np.random.default_rng(3))
     distance[:6] = 60.0**2
     assert not rare(distance)
+
+
+VISIT = np.arange(ROWS) // 7
+
+
+def crowded(distance: np.ndarray) -> dict[int, float]:
+    return gross.crowded(VISIT, distance, np.full(ROWS, 3), np.ones(ROWS, dtype=bool))
+
+
+def test_five_of_one_visit_hide_each_other_but_not_their_visit() -> None:
+    """Readings that slipped by a row. Two are no crowd; nor are ten that each belong to a visit of their own."""
+    for seed in range(5):
+        distance = squared(np.random.default_rng(seed))
+        slipped, two, apart = distance.copy(), distance.copy(), distance.copy()
+        slipped[14:19] = np.square([40.0, 41.0, 42.0, 43.0, 44.0])
+        two[14:16] = np.square([40.0, 41.0])
+        apart[3::14] = 40.0**2
+        assert not rare(slipped)
+        assert set(crowded(slipped)) == {2}
+        assert not crowded(two)
+        assert not crowded(apart)
+
+
+@pytest.mark.parametrize("degrees", [np.inf, 6.0, 3.0])
+def test_heavy_tails_crowd_no_visit(degrees: float) -> None:
+    rng = np.random.default_rng(78)
+    assert sum(bool(crowded(squared(rng, degrees))) for _ in range(60)) <= 1

@@ -22,6 +22,7 @@ from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.judge import Mistakes, common_factor_findings, mistakes_in
 from identification.fit.mistakes.look import Guess, Look, of_alike
 from identification.fit.mistakes.mistake import Mistake
+from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
 from identification.fit.mistakes.search import search
 from identification.fit.mistakes.sizes import SIZES, JointZero, ReferenceLoad, Size, ToolOffset
@@ -134,6 +135,35 @@ def test_the_quick_look_finds_the_best_springs_of_each(data: LoadTest) -> None:
         assert_allclose(score, -cost(x, one) - 0.5 * one.log_determinant[0], rtol=1e-12)
         assert cost(x, one) < minimize(cost, x, (one,), method="BFGS").fun + 0.05
         assert_allclose(log_scores(one, log_std)[0], score, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "column"), [
+    ("readings raw", "deflection"), ("readings stepwise", "deflection"), ("forces stepwise", "wrench"),
+    ("forces unsigned", "wrench"), ("deflections unsigned", "deflection"), ("turns not counted", "deflection")])
+@pytest.mark.parametrize("robot", ["virtual", "irb6640-235-2.55"])
+def test_what_was_written_otherwise_is_put_back(name: str, column: str, robot: str, tmp_path: Path) -> None:
+    """Of the right table none is offered; of the wrong one its own, with which the table is the right one again: but for signs
+    of what is nearly none, and for a zero that was read with noise."""
+    files = right(31, robot)
+    (tmp_path / "right").mkdir()
+    as_it_was = _read(files, tmp_path / "right")
+    spoiled, (key, *_) = MISTAKES[name](files, np.random.default_rng(8))
+    data = _read(spoiled, tmp_path)
+    always = ("readings_stepwise", "forces_stepwise")
+    assert {each.key for each in reading_mistakes(as_it_was)} == set(always)
+    (mistake,) = [each for each in reading_mistakes(data) if each.key == key and each.mended(data).rows is not data.rows]
+    wanted, mended = getattr(as_it_was.rows, column), getattr(mistake.mended(data).rows, column)
+    off = 1e-9 if key in always else 30e-6 if column == "deflection" else 1.0
+    assert np.nanmax(np.abs(getattr(data.rows, column) - wanted)) > 3 * off
+    assert_allclose(mended, wanted, rtol=1e-9, atol=off)
+    assert np.mean(np.abs(np.nan_to_num(mended - wanted)) > off / 2) < 0.05
+
+
+def test_a_zero_of_one_reference_is_not_taken_off(tmp_path: Path) -> None:
+    """What the tool is off by at a pose, from a reference taken elsewhere, is no gauge's stand."""
+    spoiled, _ = MISTAKES["readings raw"](right(31), np.random.default_rng(8))
+    data = _read(replace(spoiled, anew=False), tmp_path)
+    assert "readings_raw" not in {each.key for each in reading_mistakes(data)}
 
 
 def test_two_robots_stand_beside_whatever_may_be_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,8 @@ from identification.common.findings import CompstiffError
 from identification.diagnosis.diagnose import Diagnosis, diagnose
 from identification.fit.fit import Fit, fit_stiffness
 from identification.fit.load_test import LoadTest
-from identification.fit.mending import slips_of_pen
 from identification.fit.posterior import posterior
+from identification.fit.slips import slips_of_pen
 from identification.fit.visit_findings import visit_findings
 from identification.fit.visits import bad_visits
 from identification.measurements import Measurements, read_measurements
@@ -129,6 +130,50 @@ def test_diagnose_names_the_pose_and_judges_the_rest(tmp_path: Path) -> None:
     assert any("P5" in line for line in diagnosis.lines())
     assert len(diagnosis.judgement.rows) == 231
     assert diagnosis.extended().fit["rows"] == 231
+
+
+def in_rows(pose: str, change: Callable[[list[dict[str, str]]], None]) -> Edit:
+    """A slip in single rows of one pose, by hand."""
+    def edit(file: Path) -> None:
+        rows = table(file)
+        change([row for row in rows if row["pose"] == pose])
+        file.write_text("\n".join([",".join(rows[0]), *(",".join(row.values()) for row in rows)]) + "\n")
+
+    return edit
+
+
+def a_reading_skipped(rows: list[dict[str, str]]) -> None:
+    """From the fourteenth row on; the last one stands twice."""
+    for row, after in pairwise(rows[13:]):
+        row.update({name: after[name] for name in ("dx_um", "dy_um", "dz_um")})
+
+
+def loads_halved(rows: list[dict[str, str]]) -> None:
+    for row in rows:
+        row.update({name: f"{float(row[name]) / 2:g}" for name in ("fx_n", "fy_n", "fz_n")})
+
+
+def a_turn_lost(rows: list[dict[str, str]]) -> None:
+    for row in rows:
+        moved = float(row["dy_um"])
+        row["dy_um"] = f"{np.sign(moved) * (abs(moved) % 100):.1f}"
+
+
+@pytest.mark.parametrize(("slip", "said"), [
+    (a_reading_skipped, r"its readings a row too high from line \d+ on: put back they would fit"),
+    (loads_halved, "its loads twice as large would fit"),
+    (a_turn_lost, "dy with the whole turns of 100 um that were not counted would fit")])
+def test_a_slip_in_the_rows_of_a_pose_is_found(
+        slip: Callable[[list[dict[str, str]]], None], said: str, tmp_path: Path) -> None:
+    """A part of a visit that slipped leaves the response of its other rows as it is."""
+    case = simulate(71010, "ladder12", noise=SHEET)
+    found = diagnose(*read(case, tmp_path, in_rows("P4", slip)), replicates=99)
+    bad, = found.judgement.bad_visits
+    assert bad.score.name == "P4"
+    assert bad.score.p_value <= 0.005
+    assert re.fullmatch(said, bad.mends[0].what)
+    assert bad.mends[0].probability > 0.9
+    assert found.causes == ()
 
 
 def test_one_reading_off_at_a_pose_may_be_the_sensor_or_the_table(tmp_path: Path) -> None:

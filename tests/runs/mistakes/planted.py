@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,8 @@ POSES = 10
 @dataclass(frozen=True)
 class Files:
     """What a user has: theta (n, 6) [deg], force (n, 3) [N], moved (n, 3) [um], time and dwell (n,) [s], pose labels (n,); the
-    TCP [mm]; the robot's name and the text of the robot file where it is not built in; the noise as stated."""
+    TCP [mm]; the robot's name and the text of the robot file where it is not built in; the noise as stated; anew: the table
+    says that the reference was taken anew at each pose."""
 
     theta: np.ndarray
     force: np.ndarray
@@ -46,6 +48,7 @@ class Files:
     mass: str
     measurement: str
     stiffness: np.ndarray
+    anew: bool = False
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """cell.yaml and measurements.csv."""
@@ -60,6 +63,8 @@ class Files:
         numbers = np.column_stack([self.theta, self.force, self.moved, self.time, self.dwell])
         lines = [",".join([*("" if np.isnan(x) else f"{x + 0.0:.9g}" for x in row), label])
                  for row, label in zip(numbers, self.pose, strict=True)]
+        if self.anew:
+            names, lines = [*names, "reference"], [f"{line},R{label}" for line, label in zip(lines, self.pose, strict=True)]
         table.write_text("\n".join([",".join(names), *lines]) + "\n")
         return cell, table
 
@@ -259,6 +264,41 @@ def _times(factor: float, name: str) -> Plant:
     return lambda case, rng: (replace(case, time=factor * case.time, dwell=case.dwell * (factor if factor > 1 else 1)), (name,))
 
 
+def _raw(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...]]:
+    """What the gauges show: they stand somewhere when a pose begins."""
+    labels = list(dict.fromkeys(case.pose))
+    stands = rng.uniform(-300, 300, (len(labels), 3))
+    return replace(case, moved=case.moved + stands[[labels.index(label) for label in case.pose]], anew=True), ("readings_raw",)
+
+
+def _stepwise(column: str, name: str) -> Plant:
+    """Each row holds what changed since the row before, at each pose from the first row on."""
+    def plant(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...]]:
+        values, same = getattr(case, column), np.array([False, *(a == b for a, b in pairwise(case.pose))])
+        before = np.where(same[:, None], np.roll(np.nan_to_num(values), 1, axis=0), 0.0)
+        return replace(case, **{column: values - before}), (f"{name}_stepwise",)
+
+    return plant
+
+
+def _unsigned(column: str, name: str) -> Plant:
+    return lambda case, rng: (replace(case, **{column: np.abs(getattr(case, column))}), (f"{name}_unsigned",))
+
+
+def _turns(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...]]:
+    """The small hand was not read, of gauges that go round at least once."""
+    largest = np.nanmax(np.abs(case.moved))
+    turn = max((turn for turn in (100.0, 200.0, 500.0, 1000.0) if 1.5 * turn < largest), default=100.0)
+    return replace(case, moved=np.sign(case.moved) * (np.abs(case.moved) % turn)), ("readings_turns",)
+
+
+def _third_with_second(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...]]:
+    """q3 as the angle to another link than the controller's."""
+    theta = case.theta.copy()
+    theta[:, 2] += (-1 if case.robot_text else 1) * theta[:, 1]
+    return replace(case, theta=theta), ("joint_coupling", "joint_coupling[-1]")
+
+
 MISTAKES: dict[str, Plant] = {
     "force sign": _sign("force"), "deflection sign": _sign("moved"), "forces swapped": _swapped("force"),
     "deflections swapped": _swapped("moved"), "forces cyclic": _cyclic("force"), "deflections cyclic": _cyclic("moved"),
@@ -271,6 +311,9 @@ MISTAKES: dict[str, Plant] = {
     "forces a row low": _slipped("force", 1, "forces_slipped", half=True), "poses one down": _poses_slipped,
     "times in minutes": _times(1 / 60, "time_unit[minutes]"), "forces in kgf": _scaled("force", 1 / 9.80665, "unit"),
     "forces in lbf": _scaled("force", 1 / 4.44822, "unit"), "forces in kN": _scaled("force", 1e-3, "unit"),
+    "readings raw": _raw, "readings stepwise": _stepwise("moved", "readings"), "forces stepwise": _stepwise("force", "forces"),
+    "forces unsigned": _unsigned("force", "forces"), "deflections unsigned": _unsigned("moved", "deflections"),
+    "turns not counted": _turns, "q3 with q2": _third_with_second,
     "deflections in mm": _scaled("moved", 1e-3, "unit"), "deflections in mil": _scaled("moved", 1 / 25.4, "unit"),
 }
 

@@ -36,6 +36,8 @@ def diagnosed(folder: Path, cell: Path, table: Path, *options: object) -> dict:
     ("TCP in inches", "irb6700-200-2.60", 4, ".yaml"), ("sign in the second half", "irb6640-235-2.55", 6, ".csv"),
     ("readings a row high", "irb6640-235-2.55", 5910002, ".csv"), ("poses one down", "irb4400-60", 9, ".csv"),
     ("times in ms", VIRTUAL, 7, ".csv"), ("forces in kgf", VIRTUAL, 8, ".csv"),
+    ("readings raw", "irb4400-60", 10, ".csv"), ("turns not counted", VIRTUAL, 11, ".csv"),
+    ("q3 with q2", "irb6640-235-2.55", 12, ".csv"),
 ])
 def test_a_mistake_is_named_and_mended(tmp_path: Path, name: str, robot: str, seed: int, suffix: str) -> None:
     case = right(seed, robot)
