@@ -1,14 +1,15 @@
 """Is there anything wrong at all? The largest score over the dictionary and over patterns no cause is needed for, with its
 probability by parametric bootstrap under the fitted noise (docs/effects.md, steps 2 and 4).
 
-Replicates are drawn from the fitted noise, its variance components drawn from their own posterior, and scored with
-the same weights; each is divided by its own residual variance, as the data's is.
+Replicates are drawn from the fitted noise, its variance components drawn from their own posterior, and over all ways in which
+the parts may be there that need not be (fit/optional_parts.py): forces that are set up a little otherwise at each visit, too
+little for the rows to ask for that part, had been an alarm. All are scored with the same weights; each is divided by its own
+residual variance, as the data's is.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,8 @@ from numpy.typing import NDArray
 from identification.diagnosis.dictionary import WIDEST, Dictionary, dictionary_of
 from identification.diagnosis.patterns import Pattern, patterns_of
 from identification.diagnosis.projection import PRIOR_SIZES, Base, information_blocks, room
+from identification.diagnosis.replicates import AveragedNoise, Drawn
 from identification.fit.discrepancy import other_ways
-from identification.fit.noise import NoiseModel, VarianceComponents
 from identification.fit.posterior import Posterior
 from identification.fit.sag import sag_columns
 from identification.model.effects import Effect
@@ -26,46 +27,6 @@ Array = NDArray[np.float64]
 REPLICATES = 199
 # ln probabilities below this are all the same to a bootstrap of a few hundred.
 SMALLEST = -700.0
-
-
-class Drawn(Protocol):
-    """Noise that replicates are drawn from."""
-
-    @property
-    def readings(self) -> int:
-        """How many numbers were measured."""
-        ...
-
-    def draw(self, rng: np.random.Generator, count: int) -> Array:
-        """Noise (n, 3, count) in the coordinates of the rows."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class FittedNoise:
-    """The noise that replicates are drawn from: its model, the variance components with the covariance (6, 6) of their ln, and
-    the rows' weights (n,)."""
-
-    model: NoiseModel
-    components: VarianceComponents
-    covariance: Array
-    row_weight: Array
-
-    @classmethod
-    def of(cls, fitted: Posterior) -> FittedNoise:
-        """Of a fitted model."""
-        return cls(fitted.at_map.noise, fitted.components, fitted.components_covariance, fitted.row_weight)
-
-    @property
-    def readings(self) -> int:
-        """How many numbers were measured."""
-        return int(self.model.measured.sum())
-
-    def draw(self, rng: np.random.Generator, count: int) -> Array:
-        """Noise (n, 3, count) in the model's coordinates, each draw with variance components of their own."""
-        logs = self.components.logs
-        drawn = rng.multivariate_normal(logs, self.covariance, count, method="eigh")
-        return self.model.draw(np.exp(np.clip(drawn, logs - 2.5, logs + 1.5)), self.row_weight, rng)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +53,7 @@ def goodness_of_fit(
     state, at = fitted.load_state, fitted.at_map
     dictionary = dictionary_of(state, at.noise, catalogue)
     patterns = patterns_of(state, at.noise)
-    return detect(base_of(fitted, dictionary), dictionary, patterns, FittedNoise.of(fitted), rng, replicates)
+    return detect(base_of(fitted, dictionary), dictionary, patterns, AveragedNoise.of(fitted), rng, replicates)
 
 
 def base_of(fitted: Posterior, dictionary: Dictionary) -> Base:

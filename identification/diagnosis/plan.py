@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from identification.common.findings import Finding
 from identification.common.quantities import cause_words, readable_unit
-from identification.diagnosis.detect import FittedNoise
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.power import NEVER, POWER, in_the_middle, noticed_from, weakest
 from identification.diagnosis.projection import PRIOR_SIZES, Base
+from identification.diagnosis.replicates import FittedNoise
 from identification.diagnosis.search import base_at
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel, VarianceComponents, noise_model

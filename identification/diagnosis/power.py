@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.detect import FittedNoise, base_of, shares
+from identification.diagnosis.detect import base_of, shares
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.projection import Base, information_blocks
+from identification.diagnosis.replicates import FittedNoise
 from identification.diagnosis.search import LAW_SHARE
 from identification.fit.gram import NoiseGram
 from identification.fit.noise import SMALLEST_LOG, Weights

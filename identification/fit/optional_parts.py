@@ -103,7 +103,8 @@ def averaged_trials(at: Linearised, components: VarianceComponents, beside: Arra
     logs = [np.where([part in OPTIONAL and part not in way.parts for part in range(len(PARTS))], SMALLEST_LOG, trials.logs)
             for trials, way in each]
     weight = [np.exp(value - total) * trials.weight for value, (trials, _) in zip(log_weight, each, strict=True)]
-    return Trials(np.concatenate(logs), np.concatenate(weight), np.concatenate([trials.gram for trials, _ in each]), total)
+    return Trials(np.concatenate(logs), np.concatenate(weight), np.concatenate([trials.gram for trials, _ in each]), total,
+                  np.concatenate([trials.turned for trials, _ in each]))
 
 
 def _ways(parts: tuple[int, ...]) -> list[Way]:

@@ -36,7 +36,7 @@ from identification.fit.optional_parts import Way, asked_for, averaged_trials
 from identification.fit.priors import PriorModel
 from identification.fit.sag import BesideWeight, sag_columns
 from identification.fit.student import student_weights
-from identification.fit.variance_components import ComponentPosterior, likeliest, log_covariance
+from identification.fit.variance_components import ComponentPosterior, Trials, likeliest, log_covariance
 from identification.model.compliance import regressor
 from identification.model.effects_in_force import EFFECTS, SPRINGS, split
 from identification.model.load_state import LoadState
@@ -67,10 +67,14 @@ class Posterior:
     terms: tuple[Term, ...] = ()
 
     @cached_property
+    def trials(self) -> Trials:
+        """Variance components spread over what the rows leave open of them."""
+        return averaged_trials(self.at_map, self.components, self._sag)
+
+    @cached_property
     def draws(self) -> Draws:
         """Weighted draws of x, the variance components integrated out."""
-        trials = averaged_trials(self.at_map, self.components, self._sag)
-        return posterior_draws(self.at_map, self.components, trials, self._sag)
+        return posterior_draws(self.at_map, self.components, self.trials, self._sag)
 
     @cached_property
     def _sag(self) -> Array:

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import kstest
 
 from identification.diagnosis.blocks import in_blocks
-from identification.diagnosis.detect import Detection, FittedNoise, detect
+from identification.diagnosis.detect import Detection, detect
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.dictionary import dictionary_of
 from identification.diagnosis.discrimination import candidate_rows, next_loads
@@ -20,9 +20,12 @@ from identification.diagnosis.pages import diagnosis_report
 from identification.diagnosis.patterns import patterns_of
 from identification.diagnosis.plan import judge_plan
 from identification.diagnosis.projection import Base, evidence
+from identification.diagnosis.replicates import AveragedNoise, FittedNoise
 from identification.fit.fitted_model import Term, predicted_deflection, response
 from identification.fit.load_test import LoadTest
+from identification.fit.noise import MEMORY, SETUP
 from identification.fit.posterior import posterior
+from identification.fit.variance_components import Trials
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
@@ -128,6 +131,28 @@ def test_replicates_follow_the_stated_noise(tmp_path: Path) -> None:
     weights = fit.at_map.noise.weights(fit.components)
     squares = np.sum(drawn * weights.apply(drawn), axis=(0, 1))
     assert kstest(squares, "chi2", args=(3 * len(rows),)).pvalue > 1e-3
+
+
+def test_replicates_follow_the_ways_of_the_noise_as_often_as_they_are_likely(tmp_path: Path) -> None:
+    """Set-ups that turn the forces, such that stretch them alone, and none: each trial draws what its own weights invert, and
+    as large a share of all as its weight."""
+    cell, rows = read(simulate(0, "ladder12"), tmp_path)
+    fit = posterior(LoadTest.of(cell, rows))
+    model, logs = fit.at_map.noise, np.tile(fit.components.logs, (3, 1))
+    logs[:2, SETUP] = np.log(80.0)
+    turned = np.array([True, False, True])
+    for k, weight in enumerate(np.eye(3)):
+        drawn = AveragedNoise(model, Trials(logs, weight, None, 0.0, turned), np.ones(len(rows))).draw(
+            np.random.default_rng(k), 200)
+        own = fit.components.with_logs(logs[k])
+        weights = model.with_parts(SETUP, MEMORY, turned=bool(turned[k])).weights(own)
+        squares = np.sum(drawn * weights.apply(drawn), axis=(0, 1))
+        assert kstest(squares, "chi2", args=(3 * len(rows),)).pvalue > 1e-3
+    mixed = AveragedNoise(model, Trials(logs, np.array([0.2, 0.1, 0.7]), None, 0.0, turned), np.ones(len(rows)))
+    drawn = mixed.draw(np.random.default_rng(5), 400)
+    plain = model.weights(fit.components)
+    large = np.sum(drawn * plain.apply(drawn), axis=(0, 1)) > 4 * 3 * len(rows)
+    assert 0.22 < large.mean() < 0.38
 
 
 def test_false_alarms_of_the_bootstrap(tmp_path: Path) -> None:
