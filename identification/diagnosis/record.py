@@ -22,8 +22,8 @@ from identification.fit.seating import moving_zero
 from identification.fit.visit_findings import mending, not_independent, sentence, validation_findings, visit_findings
 from identification.fit.visits import ALARM as VISIT_ALARM
 from identification.model.effects import effects
-from identification.model.effects.drift import PACE_S
 from identification.model.effects.kinds import OF_THE_KIND
+from identification.model.load_state import PACE_S, LoadState
 
 # So many checks, and causes that would not have been noticed, are told on the terminal.
 MOST_CHECKS, MOST_OVERLOOKED = 4, 6
@@ -347,9 +347,7 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
     for name, why in judgement.left_out.items():
         if name in effects() and why not in OF_THE_KIND:
             findings.append(Finding("CS1405", "note", f"{name} was not looked for: {why}", file=source))
-    if np.isnan(judgement.plain.load_state.time).all():
-        findings.append(Finding("CS1409", "note", "drift and softening were looked for in the order of the rows, "
-                                f"{PACE_S:.0f} s each: time_s is not given", file=source))
+    findings += _times_assumed(judgement.plain.load_state, source)
     if judgement.verdict == "adequate":
         # The hook is no candidate where nothing hangs.
         loads, hint = ("force sensor", effects()["force_gain"].settles) if "hook_offset" in judgement.left_out else (
@@ -357,6 +355,17 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         findings.append(Finding("CS1406", "note", f"a wrong scale of the {loads} (force_gain) can never be seen in deflections "
                                 "alone: it is the same as all stiffnesses changed together", file=source, hint=hint))
     return findings
+
+
+def _times_assumed(rows: LoadState, source: str) -> list[Finding]:
+    """What was taken of times that no row states (CS1409)."""
+    no_times, found = bool(np.isnan(rows.time).all()), []
+    if no_times:
+        found.append(f"drift and softening were looked for in the order of the rows, {PACE_S:.0f} s each: time_s is not given")
+    if np.isnan(rows.dwell).all():
+        held = f"for {PACE_S:.0f} s" if no_times else "since the reading before"
+        found.append(f"creep was looked for as if each load had been on {held}: dwell_s is not given")
+    return [Finding("CS1409", "note", text, file=source) for text in found]
 
 
 def _visit_findings(judgement: Judgement) -> list[Finding]:

@@ -21,6 +21,8 @@ from identification.model.rotations import Frame
 Array = NDArray[np.float64]
 # Where the weight of forearm and tool hangs, and that of the lower arm with it: of the way from elbow to wrist.
 FOREARM = 0.4
+# Time [s] that one row is taken to last where no row has a time: half a minute until nothing creeps, and a reading.
+PACE_S = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,16 @@ class LoadState:
             changed = ("compliance", "elastic", "_sagged", "of_sag", "of_weight")
             vars(other).update({name: value for name, value in vars(self).items() if name not in changed})
         return other
+
+    @cached_property
+    def held(self) -> Array:
+        """How long each row's load is on (n,) [s]. Where no row of a load test says so each load is taken to have come on right
+        after the reading before, and where there are no times either, for PACE_S; along a toolpath nothing is held."""
+        if self.at_load or not np.isnan(self.dwell).all():
+            return np.nan_to_num(self.dwell)
+        step = np.where(self.starts, np.nan, np.diff(self.time, prepend=np.nan))
+        step = np.where(step > 0, step, np.nan)
+        return np.nan_to_num(step, nan=PACE_S if np.isnan(step).all() else float(np.nanmedian(step)))
 
     @cached_property
     def at_rest(self) -> Equilibrium:

@@ -14,7 +14,6 @@ RATES = np.exp(np.arange(-12.0, 2.5, STEP))
 SHARES = STEP * np.exp(-RATES)
 # Numbers held at once; the elements of a longer file go in turns.
 CHUNK = 2_000_000
-NO_DWELL = "dwell_s is not given"
 
 
 class _Creep(Effect):
@@ -25,9 +24,6 @@ class _Creep(Effect):
     of_robot = True
     sentence = "the robot goes on yielding while the load is on"
     settles = "hold one load and read the sensors after 5 and after 60 seconds"
-
-    def missing(self, rows: LoadState) -> str:
-        return NO_DWELL if np.isnan(rows.dwell).all() else ""
 
 
 class OneElement(_Creep):
@@ -76,7 +72,7 @@ class Creep(_Creep):
         ratio, time, memory = values
         if rows.at_load:
             memory = 1.0
-        load, held = rows.compliance * rows.torque, np.nan_to_num(rows.dwell)
+        load, held = rows.compliance * rows.torque, rows.held
         crept = load * np.log1p(held / time)[:, None]
         if memory:
             crept = crept + memory * _left_of_earlier(rows, load, held, RATES / time, SHARES)
@@ -86,7 +82,7 @@ class Creep(_Creep):
 def crept(rows: LoadState, load: Array, time: float) -> Array:
     """By how much twists (n, 6) [rad] have crept on, as one Kelvin element of this time [s] does, under these loads and what is
     left of earlier ones of their visit."""
-    held = np.nan_to_num(rows.dwell)
+    held = rows.held
     left = _left_of_earlier(rows, load, held, np.array([1 / time]), np.ones(1))
     return np.asarray(load * -np.expm1(-held / time)[:, None] + left)
 

@@ -9,11 +9,7 @@ import numpy as np
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter, Signature
 from identification.model.effects.kinds import OfReading, along_axes
-from identification.model.load_state import LoadState
-
-# Time [s] that one row is taken to last where no row has a time: half a minute until nothing creeps, and a reading.
-PACE_S = 60.0
-
+from identification.model.load_state import PACE_S, LoadState
 
 # How soon a warm-up settles, as shares of the time that the rows take, is tried.
 SETTLING = (0.1, 0.3, 1.0)

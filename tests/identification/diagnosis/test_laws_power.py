@@ -157,7 +157,7 @@ def test_a_name_says_what_may_hide_beside_it(tmp_path: Path) -> None:
     sizes, names = [], []
     for folder, hidden in (("alone", ()), ("beside", (Hidden("bearing_tilt", 2, 1.0),))):
         (tmp_path / folder).mkdir()
-        cell_file, table = simulate(3, "poses20", hidden).write(tmp_path / folder)
+        cell_file, table = simulate(4, "poses20", hidden).write(tmp_path / folder)
         cell = read_cell(cell_file)
         found = diagnose(cell, read_measurements(table, cell.robot))
         sizes.append({each.entry.label: each.size for each in found.judgement.showing})

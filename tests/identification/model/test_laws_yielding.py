@@ -192,9 +192,11 @@ def test_a_rod_that_yields_turns_the_crank_as_the_linkage_does() -> None:
         assert_allclose(moved[n], expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
 
 
-def test_one_gear_creeps_as_a_kelvin_element() -> None:
-    """Spring and damper side by side, step by step in time, while a load grows, turns and is taken off."""
-    rows, effect = drawn(6), known("gear_creep")
+@pytest.mark.parametrize(("law", "onward"), [("gear_creep", 1.0), ("gear_creep.recovering", -1.0)])
+def test_one_gear_creeps_as_a_kelvin_element(law: str, onward: float) -> None:
+    """Spring and damper side by side, step by step in time, while a load grows, turns and is taken off; a servo takes back
+    what they would yield."""
+    rows, effect = drawn(6), known(law)
     assert effect is not None
     share = np.array([0.5, 1.0, -1.0, 0.0, 0.3, 1.0])
     held = np.array([5.0, 30.0, 12.0, 20.0, 8.0, 15.0])
@@ -204,12 +206,22 @@ def test_one_gear_creeps_as_a_kelvin_element() -> None:
     twist, expected = 0.0, []
     for n in range(6):
         twist = 0.0 if n == 5 else twist
-        pull = ratio * COMPLIANCE[joint - 1] * alike.torque[n, joint - 1]
+        pull = onward * ratio * COMPLIANCE[joint - 1] * alike.torque[n, joint - 1]
         for _ in range(20_000):
             twist += (pull - twist) / time * held[n] / 20_000
         expected.append(twist * alike.jacobian[n, :, joint - 1])
     moved = effect.contribution(alike, joint, np.array([ratio, time]))
     assert_allclose(moved, expected, atol=1e-3 * np.abs(expected).max())
+
+
+def test_loads_without_a_time_of_their_own_are_on_since_the_reading_before() -> None:
+    """Where no row says how long; the first of a visit, like most. Without any times, a minute each. What is written stands."""
+    rows = replace(drawn(6), visit=np.array([0, 0, 0, 1, 1, 1]), time=np.array([10.0, 30.0, 55.0, 400.0, 425.0, 445.0]))
+    nothing = np.full(6, np.nan)
+    assert_allclose(replace(rows, dwell=nothing).held, [22.5, 20.0, 25.0, 22.5, 25.0, 20.0])
+    assert_allclose(replace(rows, dwell=nothing, time=nothing).held, np.full(6, 60.0))
+    assert_allclose(replace(rows, dwell=np.array([5.0, np.nan, 7.0, 8.0, 9.0, 1.0])).held, [5.0, 0.0, 7.0, 8.0, 9.0, 1.0])
+    assert_allclose(replace(rows, dwell=nothing, at_load=True).held, np.zeros(6))
 
 
 def test_a_warm_up_comes_to_an_end() -> None:
