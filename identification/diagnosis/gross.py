@@ -59,7 +59,7 @@ def bad_rows(fitted: Posterior) -> tuple[BadRow, ...]:
     rows, visit = fitted.data.rows, fitted.at_map.noise.visit
     bad = rare(*_distances(fitted), MOST * len(rows))
     crowd = np.flatnonzero(np.bincount(visit[list(bad)], minlength=1) > MOST_IN_A_VISIT)
-    std = residual_std(fitted.data, fitted.components, fitted.compliance)
+    std = residual_std(fitted.data, fitted.components, fitted.compliance, fitted.at_map.noise.further)
     return tuple(BadRow(int(rows.row[k]), int(rows.line[k]), fitted.residual[k], std[k], p_value)
                  for k, p_value in bad.items() if visit[k] not in crowd)
 

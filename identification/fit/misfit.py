@@ -158,7 +158,8 @@ def far_off(fitted: Posterior) -> float:
     with nothing hidden, two thirds of them with Student-3 noise), more where rows that count for little hold a cause."""
     if np.any(fitted.data.rows.machined_pass != ""):
         return 1.0
-    return float(np.sqrt(np.nanmean((fitted.residual / residual_std(fitted.data, fitted.components, fitted.compliance)) ** 2)))
+    allowed = residual_std(fitted.data, fitted.components, fitted.compliance, fitted.at_map.noise.further)
+    return float(np.sqrt(np.nanmean((fitted.residual / allowed) ** 2)))
 
 
 def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:

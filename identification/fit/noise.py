@@ -378,8 +378,9 @@ def sensor_sigma(data: LoadTest) -> Array:
     return np.where(np.isnan(data.rows.sigma), data.cell.noise.deflection, data.rows.sigma)
 
 
-def residual_std(data: LoadTest, components: VarianceComponents, compliance: Array) -> Array:
-    """1 sigma of each component's residual (n, 3) [m] under noise of these components, all of its parts."""
+def residual_std(data: LoadTest, components: VarianceComponents, compliance: Array, further: Array | None = None) -> Array:
+    """1 sigma of each component's residual (n, 3) [m] under noise of these components, all of its parts; further: as in
+    NoiseModel."""
     noise, values = noise_model(data, compliance).with_parts(turned=components.turned), components.values**2
     own = values[SENSOR] + sum(values[part] * np.sum(root**2, axis=2) for part, root in (
         (FORCE, noise.force), (ABSOLUTE, noise.absolute)))
@@ -387,4 +388,5 @@ def residual_std(data: LoadTest, components: VarianceComponents, compliance: Arr
     heavier = 1.0 if np.isinf(components.degrees) else components.degrees / (components.degrees - 2.0)
     shared = sum(values[part] * np.sum(root**2, axis=2) for part, root in (
         (SETUP, noise.setup_loading), (OFFSET, noise.whitening * noise.offset)))
+    shared = shared + (0.0 if further is None else np.sum(further**2, axis=2))
     return np.asarray(sensor_sigma(data) * np.sqrt(heavier * own + shared))

@@ -215,7 +215,7 @@ def posterior(
     further = Way((), True)
     for number in range(MAX_ROUNDS):
         before, last_weight = components, row_weight
-        noise = noise_model(data, np.exp(x[SPRINGS])).with_parts(*further.parts, turned=further.turned)
+        noise = model.noise(x).with_parts(*further.parts, turned=further.turned)
         at = model.linearised(noise, row_weight, x)
         components = likeliest(ComponentPosterior(at), components)
         if number == 1 and not usual_noise:
@@ -244,6 +244,16 @@ class _FittedModel:
     terms: tuple[Term, ...]
     readings: Array
     prior: PriorModel
+
+    def noise(self, x: Array) -> NoiseModel:
+        """The noise of the rows at x, with what the terms may do otherwise at each visit."""
+        noise = noise_model(self.data, np.exp(x[SPRINGS]))
+        if not any(term.effect.by_visit for term in self.terms):
+            return noise
+        state = self.data.load_state(np.exp(x[SPRINGS]))
+        moved = [term.effect.of_each_visit(state, term.joint, values)[:, :3]
+                 for term, values in zip(self.terms, split(x[EFFECTS], self.terms), strict=True) if term.effect.by_visit]
+        return replace(noise, further=noise.whitened(np.concatenate(moved, axis=2)))
 
     def linearised(self, noise: NoiseModel, row_weight: Array, x: Array) -> Linearised:
         """The model at x in the coordinates of `noise`."""

@@ -215,7 +215,8 @@ def _otherwise(fitted: Posterior, data: LoadTest) -> Array:
     more = [LAW * term.contribution(state, term.start)[:, :3, None] for term in of_robot]
     others = [WIDE * free.scale * free.effect.columns(state, free.joint, free.start)[:, :3]
               for free in discrepancies(state, of_robot) if isinstance(free.effect, LawOf)]
-    return np.concatenate([np.zeros((len(data.rows), 3, 0)), *more, *others], axis=2)
+    begun = [term.effect.of_each_visit(state, term.joint, term.start)[:, :3] for term in of_robot if term.effect.by_visit]
+    return np.concatenate([np.zeros((len(data.rows), 3, 0)), *more, *others, *begun], axis=2)
 
 
 def visit_name(rows: Measurements, mine: NDArray[np.intp]) -> str:

@@ -69,7 +69,8 @@ class Effect(ABC):
     of_robot: the robot does it, so `predict` and `correct` use it; otherwise the measurement does, and it is taken out of the
     data. of_track: the track under the robot does it. stiffens: it is a structure, and real ones yield less the more they
     carry. ways: in how many further ways one of its kind yields (`further_ways`). gear_law: one of the laws by which a gear's
-    twist may follow its torque. unsettles: while it acts the springs change. carries_weight: it carries the arm beside a gear.
+    twist may follow its torque. unsettles: while it acts the springs change. by_visit: it
+    does something otherwise at each visit (`of_each_visit`). carries_weight: it carries the arm beside a gear.
     near_laws: effects of the same joint whose shapes a real one of this kind may mix in. leaves_open: an effect that comes with
     it and that no row shows, "" where there is none. law_family: what laws of one gear
     that imitate each other have in common, as a sentence; "" where there is no other. weighed: its last parameter is what
@@ -91,6 +92,7 @@ class Effect(ABC):
     parameters: tuple[Parameter, ...]
     gear_law: ClassVar[bool] = False
     unsettles: ClassVar[bool] = False
+    by_visit: ClassVar[bool] = False
     carries_weight: ClassVar[bool] = False
     near_laws: ClassVar[tuple[str, ...]] = ()
     leaves_open: ClassVar[str] = ""
@@ -168,6 +170,11 @@ class Effect(ABC):
     def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array | None:
         """The wrench (n, 6) that really acted where the effect is one of the force's measurement; None: as reported."""
         return None
+
+    def of_each_visit(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        """What it may do otherwise at each visit by itself (n, 6, d), 1 sigma each, where `by_visit` says that it does: part of
+        the noise of a fit that has it."""
+        raise NotImplementedError(self.name)
 
     def log_contribution(self, log: JointLog, values: Array) -> Array | None:
         """What it adds to the deflection of a joint in a log taken in motion (n,) [rad]; None: it does not show there."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array, read_only
-from identification.model.effects.base import Parameter, Signature, saturated
+from identification.model.effects.base import Parameter, Signature
 from identification.model.effects.documents import NABTESCO
 from identification.model.effects.kinds import GearTwist
 from identification.model.joint_log import JointLog
@@ -18,32 +18,51 @@ from identification.model.load_state import LoadState
 # Friction is seen where a load comes back: in so many rows at least, whose twist is off the first loading's by this share of
 # the amplitude. Engineering judgement: fewer are single readings, and less is no loop.
 FEWEST_WITNESSES, REMEMBERED = 3, 0.2
+# States in which a gear may be when a pose begins: anywhere between its ends alike. Each way is 1 sigma of its own, since the
+# load turns a gear sooner the one way than the other; together they are as wide as all states.
+BEGINS = (6**-0.5, -(6**-0.5))
 
 
-class Hysteresis(GearTwist):
-    """`J_i h q`, q a Maxwell-slip state of the load path: q <- clip(q + dtau / T, -1, 1), from zero at the start of each
-    pose. With a negative amplitude the twist lags behind the torque, as friction makes it; a positive one runs ahead."""
+AMPLITUDE = Parameter(
+    "amplitude_rad", "rad", 4.4e-5, -1e-3, 1e-3, source=f"{NABTESCO}: lost motion 0.3 to 0.6 arcmin on average; half of 0.3",
+    bounds_source="engineering judgement: either sign, three times the 1 arcmin of hysteresis loss that gears stay under by "
+                  f"{NABTESCO}")
+
+
+def _slips_at(torque: float, grid: tuple[float, ...], source: str) -> Parameter:
+    return Parameter("torque_nm", "N*m", torque, 2.0, 1000.0, grid=grid, shape=True, source=source,
+                     bounds_source="engineering judgement: from a small gear's idle friction to a torque that no milling load "
+                                   "reaches")
+
+
+class _Hysteresis(GearTwist):
+    """What the laws have in common: `J_i h q`, q a state of the load path within -1 and 1, from zero at the start of each pose.
+    With a negative amplitude the twist lags behind the torque, as friction makes it; a positive one runs ahead. elements: how
+    many Maxwell-slip elements there are, which slip at torques evenly up to T; each holds as much as it slips at."""
 
     name = "hysteresis"
-    formula_source = ("JSME Robotics and Mechatronics Conference 2012, 2P1-E07: harmonic drives' hysteresis as a "
-                      "Maxwell-slip model; here one element. R. Dhaouadi, F. Ghorbel, Modeling and Analysis of Hysteresis "
-                      "in Harmonic Drive Gears, Syst. Anal. Model. Simul., received 2002")
-    parameters = (
-        Parameter("amplitude_rad", "rad", 4.4e-5, -1e-3, 1e-3,
-                  source=f"{NABTESCO}: lost motion 0.3 to 0.6 arcmin on average; half of 0.3",
-                  bounds_source="engineering judgement: either sign, three times the 1 arcmin of hysteresis loss that gears "
-                                f"stay under by {NABTESCO}"),
-        Parameter("torque_nm", "N*m", 50.0, 2.0, 1000.0, grid=(10.0, 20.0, 40.0, 80.0, 160.0), shape=True,
-                  source=f"{NABTESCO}: lost motion is read at 3 % of the rated torque; 50 N m is that of a gear of 1670 N m",
-                  bounds_source="engineering judgement: from a small gear's idle friction to a torque that no milling load "
-                                "reaches"),
-    )
     sentence = "the gear of joint {joint} has friction inside: it does not come back the way it went when the load is taken off"
     turning = "slips the other way"
     settles = "load up, down and up again without leaving the pose, and read at zero load each time"
+    by_visit = True
+    elements = 1
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
-        return np.asarray(values[0] * slip_state(rows.torque[:, i], rows.starts, values[1]))
+        return np.asarray(values[0] * self._state(rows.torque[:, i], rows.starts, values[1]))
+
+    def _state(self, torque: Array, starts: NDArray[np.bool_], slip: float, begin: float = 0.0) -> Array:
+        share = np.arange(1, self.elements + 1) / self.elements
+        states = np.array([slip_state(torque, starts, part * slip, begin) for part in share])
+        return np.asarray(share @ states / share.sum())
+
+    def of_each_visit(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        """The state in which the way to the pose left the gear, between -1 and 1: it shows against the unloaded reading that is
+        taken first until the load has turned it once."""
+        i = self.index(joint)
+        torque, starts = rows.torque[:, i], rows.starts
+        ways = [self._state(torque, starts, values[1], begin) - self._state(torque, starts, values[1]) - begin
+                for begin in BEGINS]
+        return np.asarray(values[0] * rows.jacobian[:, :, i, None] * np.stack(ways, axis=1)[:, None, :])
 
     def missing(self, rows: LoadState) -> str:
         if any(self._witnesses(rows, joint, slip) for joint in self.joints for slip in self.parameters[1].grid):
@@ -53,17 +72,43 @@ class Hysteresis(GearTwist):
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         """Nothing for a slip that leaves no trace in these rows: where the load only grew from zero the twist is that of a soft
         gear, and tells nothing of friction."""
-        return [shape if self._witnesses(rows, joint, slip) else replace(shape, rows=np.zeros_like(shape.rows))
-                for slip, shape in zip(self.parameters[1].grid, super().signatures(rows, joint), strict=True)]
+        others = self.of_other_laws(rows, joint)
+        own = super().signatures(rows, joint)[: len(self.parameters[1].grid)]
+        return [*(shape if self._witnesses(rows, joint, slip) else replace(shape, rows=np.zeros_like(shape.rows))
+                  for slip, shape in zip(self.parameters[1].grid, own, strict=True)), *others]
 
     def _witnesses(self, rows: LoadState, joint: int | None, slip: float) -> bool:
         """Whether enough rows keep something of the loads before theirs."""
         torque = rows.torque[:, self.index(joint)]
-        kept = slip_state(torque, rows.starts, slip) - saturated(torque / slip)
+        nothing = np.ones(len(torque), dtype=bool)
+        kept = self._state(torque, rows.starts, slip) - self._state(torque, nothing, slip)
         return int(np.sum(np.abs(kept) > REMEMBERED)) >= FEWEST_WITNESSES
 
     def side(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.trunc(slip_state(rows.torque[:, self.index(joint)], rows.starts, values[1]))
+
+
+class Smooth(_Hysteresis):
+    """Many surfaces that slip one after the other, so that the loop has no corners."""
+
+    law = "smooth"
+    formula_source = ("W. D. Iwan, A distributed-element model for hysteresis and its steady-state dynamic response, J. Appl. "
+                      "Mech. 33, 1966: elements that slip at evenly spread forces; here eight")
+    parameters = (AMPLITUDE, _slips_at(100.0, (20.0, 40.0, 80.0, 160.0, 320.0),
+                                       "engineering judgement: the last to slip, at twice what one element alone does"))
+    elements = 8
+
+
+class Hysteresis(_Hysteresis):
+    """q <- clip(q + dtau / T, -1, 1)."""
+
+    other_laws = (Smooth(),)
+    formula_source = ("JSME Robotics and Mechatronics Conference 2012, 2P1-E07: harmonic drives' hysteresis as a "
+                      "Maxwell-slip model; here one element. R. Dhaouadi, F. Ghorbel, Modeling and Analysis of Hysteresis "
+                      "in Harmonic Drive Gears, Syst. Anal. Model. Simul., received 2002")
+    parameters = (AMPLITUDE, _slips_at(
+        50.0, (10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0),
+        f"{NABTESCO}: lost motion is read at 3 % of the rated torque; 50 N m is that of a gear of 1670 N m"))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
         return np.asarray(values[0] * _slip_state_of_log(np.ascontiguousarray(log.torque).tobytes(), float(values[1])))
@@ -78,13 +123,13 @@ def _slip_state_of_log(torque: bytes, slip: float) -> Array:
     return state
 
 
-def slip_state(torque: Array, starts: NDArray[np.bool_], slip: float) -> Array:
-    """Maxwell-slip state (n,) of a torque path (n,) [N m]: from zero at each start, the torque before it zero too."""
+def slip_state(torque: Array, starts: NDArray[np.bool_], slip: float, begin: float = 0.0) -> Array:
+    """Maxwell-slip state (n,) of a torque path (n,) [N m]: from `begin` at each start, the torque before it zero."""
     before = np.concatenate([[0.0], torque[:-1]])
     before[starts] = 0.0
     change = ((torque - before) / slip).tolist()
     state, q = [], 0.0
     for new, step in zip(starts.tolist(), change, strict=True):
-        q = min(1.0, max(-1.0, (0.0 if new else q) + step))
+        q = min(1.0, max(-1.0, (begin if new else q) + step))
         state.append(q)
     return np.array(state)

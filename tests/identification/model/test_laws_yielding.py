@@ -236,3 +236,42 @@ def test_a_warm_up_comes_to_an_end() -> None:
     assert_allclose(drift.contribution(rows, None, np.append(off, settles))[:, :3], share[:, None] * off, atol=1e-15)
     softer = softening.contribution(rows, None, np.array([0.2, settles]))
     assert_allclose(softer, 0.2 * share[:, None] * rows.elastic, atol=1e-15)
+
+
+def lagging(torque: np.ndarray, radius: float, begin: float) -> np.ndarray:
+    """A play operator of this radius: it follows the torque when that has come so far away; it begins at `begin`."""
+    place, passed = begin, []
+    for now in torque:
+        place = min(max(place, now - radius), now + radius)
+        passed.append(place)
+    return np.array(passed)
+
+
+@pytest.mark.parametrize(("law", "elements"), [("hysteresis", 1), ("hysteresis.smooth", 8)])
+def test_friction_in_a_gear_is_what_lags_behind(law: str, elements: int) -> None:
+    """The torque less what play operators of evenly spread radii make of it; and where the way to the pose left them elsewhere,
+    against the reading that is taken first, the same with that begin."""
+    rows, effect, joint = drawn(24), known(law), 3
+    assert effect is not None
+    share = np.concatenate([[0.0], np.array([0.3, 0.7, 1.0, 0.5, 0.0, -0.5, -1.0, -0.2, 0.0, 0.4, 0.1])])
+    alike = load_state(rows.robot, TOOL, np.repeat(rows.theta[:2], 12, axis=0), np.tile(share, 2)[:, None] * np.repeat(
+        rows.wrench[:2], 12, axis=0), COMPLIANCE)
+    alike = replace(alike, visit=np.repeat([0, 1], 12))
+    torque = alike.torque[:, joint - 1]
+    slip, amplitude = 0.6 * np.abs(torque).max(), -3e-5
+    radii = slip * np.arange(1, elements + 1) / elements
+
+    def state(part: slice, begin: float) -> np.ndarray:
+        held = sum(torque[part] - lagging(torque[part], radius, -begin * radius) for radius in radii)
+        return held / radii.sum()
+
+    column = alike.jacobian[:, :, joint - 1]
+    values = np.array([amplitude, slip])
+    plain = np.concatenate([state(slice(0, 12), 0.0), state(slice(12, 24), 0.0)])
+    assert_allclose(effect.contribution(alike, joint, values), amplitude * plain[:, None] * column, atol=1e-15)
+    otherwise = effect.of_each_visit(alike, joint, values)
+    # Two ways that are each as wide as half of the variance of a begin that is anywhere alike.
+    for way, begin in enumerate((6**-0.5, -(6**-0.5))):
+        begun = np.concatenate([state(slice(0, 12), begin), state(slice(12, 24), begin)]) - begin
+        assert_allclose(otherwise[:, :, way], amplitude * (begun - plain)[:, None] * column, atol=1e-15)
+    assert_allclose(otherwise[[0, 12]], 0.0, atol=1e-15)
