@@ -16,6 +16,7 @@ from compensator.forces.driven_feed import said_of_feed
 from compensator.forces.late_forces import said_of_delay
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
+from compensator.forces.one_pass import check_once, said_of_lost, targets_of
 from compensator.forces.program_time import moves_in_air
 from compensator.forces.ripple import said_of_teeth
 from compensator.forces.scatter import of_blocks
@@ -23,7 +24,6 @@ from compensator.forces.swapped_columns import swapped_columns
 from compensator.forces.tare_check import Range
 from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import Zero, base_from_log, of_six, zero_of
-from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, Level, counted, error
@@ -34,11 +34,6 @@ from identification.model.rotations import Frame
 
 __all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
 Indices = NDArray[np.intp]
-# A log with more than this share of its samples off the path is that of another program.
-MOST_LOST = 0.9
-# A log comes back to a target where the number falls by more than this, and goes twice over the program with more than this
-# share of its targets; a logger that rounds flickers between neighbours.
-BACK, MOST_AGAIN = 5, 0.1
 # So many stretches of targets are listed in a finding.
 MOST_LISTED = 6
 # A force in air under this [N], and under this share of the largest, is drift that is no more than worth a note.
@@ -98,10 +93,10 @@ def place_forces(
     `on_path` and `zero_of` raise.
     """
     log, held = _without_held(on_path(log, path), path)
-    target = _targets(log, path)
+    target = targets_of(log, path)
     on = target >= 0
-    _check_once(log)
-    findings = _off_path(log, on)
+    check_once(log, target)
+    findings = said_of_lost(log, on)
     behind = None if log.key == "target" else log.place[on] > path.length[target[on]]
     here = slice(None) if on.all() else on
     rows = TargetRows(len(path.toolpath), target[here], log.weight[here], behind)
@@ -141,7 +136,7 @@ def _without_held(log: ForceLog, path: RobotPath) -> tuple[ForceLog, Indices]:
     if log.held.all():
         raise error("CS3024", "a channel stands still in all of the log: nothing in it is a force", file=log.source,
                     hint="check the logger, and log the pass again")
-    target = _targets(log.rows(log.held), path)
+    target = targets_of(log.rows(log.held), path)
     return log.rows(~log.held), np.unique(target[target >= 0])
 
 
@@ -196,56 +191,10 @@ def _stretches(tare: Range | Sequence[Range] | None) -> list[Range]:
     return [stretch for stretch in tare if not isinstance(stretch, int)]
 
 
-def _targets(log: ForceLog, path: RobotPath) -> Indices:
-    """Target (M,) of each row, -1 where it is not on the path."""
-    if log.key == "target":
-        return log.place.astype(np.intp)
-    length = path.length
-    known = ~np.isnan(length)
-    if not known.any():
-        raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
-    inside = (log.place >= -1e-3) & (log.place <= np.nanmax(length) + 1e-3)
-    return np.where(inside, nearest_target(length, np.where(inside, log.place, 0.0)), -1)
-
-
 def _outside(log: ForceLog, on: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Loads (k, 3 or 6) of the rows before the first and after the last one on the path (M,)."""
     inside, load = np.flatnonzero(on), log.load
     return (load[:inside[0]], load[inside[-1] + 1:]) if len(inside) else (load[:0], load[:0])
-
-
-def _off_path(log: ForceLog, on: NDArray[np.bool_]) -> list[Finding]:
-    """What is said of samples off the path; on (M,): rows on it. Raises CompstiffError (CS3005) where nearly all are off."""
-    number = int(log.weight.sum())
-    lost = int(log.weight[~on].sum())
-    if lost > MOST_LOST * number:
-        few = "none" if not on.any() else f"only {number - lost}"
-        raise error("CS3005", f"{few} of the {number} samples {'lies' if number - lost < 2 else 'lie'} on this path",
-                    file=log.source, hint="is it the log of this program, with TCP positions in its work object?")
-    if not lost:
-        return []
-    level: Level = "warning" if lost > 0.01 * number else "note"
-    return [Finding("CS3007", level, f"{lost} of {counted(number, 'sample')} not on the path, not used",
-                    file=log.source, line=int(log.line[np.argmin(on)]))]
-
-
-def _check_once(log: ForceLog) -> None:
-    """Raises CompstiffError (CS3119) for a log by target numbers that comes back to targets it had left: two passes in one
-    file, whose means would be mixed."""
-    if log.key != "target":
-        return
-    target = log.place.astype(np.intp)
-    furthest = np.maximum.accumulate(target)
-    back = target < furthest - BACK
-    if not back.any():
-        return
-    returned = np.unique(target[back])
-    if len(returned) <= MOST_AGAIN * len(np.unique(target)):
-        return
-    row = int(np.argmax(back))
-    raise error("CS3119", f"the log comes back to {counted(len(returned), 'target')} that it had left, from target "
-                f"{furthest[row]} to {target[row]}: is it of several passes?", file=log.source, line=int(log.line[row]),
-                hint="one pass a file, that of the program that is corrected; rows in the order of time")
 
 
 def _without_offset(mean: Array, zero: Zero, rows: TargetRows) -> Array:
