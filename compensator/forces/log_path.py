@@ -74,7 +74,7 @@ def _check_unit(log: ForceLog, position: Array, points: Array, named: str) -> No
     """Raises CompstiffError (CS3005) where positions (M, k) reach as far as the path, points (K, k), but for a unit."""
     unit = _unit_of(position, points) if len(points) else ""
     if unit:
-        raise error("CS3005", f"the {counted(int(log.weight.sum()), 'sample')} are not on this path: all lie within "
+        raise error("CS3005", f"{counted(int(log.weight.sum()), 'sample', 'do')} not lie on this path: all are within "
                     f"{1e3 * _reach(position):.3g} mm, the program reaches over {1e3 * _reach(points):.3g} mm", file=log.source,
                     hint=f"the log seems to be in {unit}: {named} in millimetres")
 

@@ -26,7 +26,7 @@ from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import Zero, base_from_log, of_six, zero_of
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
-from identification.common.findings import Finding, Level, counted, error
+from identification.common.findings import Finding, Level, counted, error, verb
 from identification.model.cell import Cell
 from identification.model.cell_file import FrameKind
 from identification.model.quaternion_order import other_order
@@ -288,7 +288,7 @@ def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]
     findings = []
     if empty.any():
         findings.append(Finding(
-            "CS3011", level, f"{int(empty.sum())} of {len(empty)} targets got no sample and stay as they are",
+            "CS3011", level, f"{int(empty.sum())} of {counted(len(empty), 'target')} got no sample: left where planned",
             file=log.source, hint="is it the log of this program?" if level == "warning" else ""))
     if inside.any():
         findings.append(Finding(
@@ -348,5 +348,6 @@ def _in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Findin
         hint = "does the sensor's zero drift, or does a payload turn whose mass cell.yaml does not state?"
     small = np.median(size) < min(SMALL, SMALL_SHARE * float(np.linalg.norm(forces.wrench[:, :3], axis=1).max()))
     return [Finding("CS3041", "note" if small else "warning", f"{len(touched)} of {counted(len(air), 'move')} {where} "
-                    f"show a force, {np.median(size):.1f} N in the middle, and are moved with the others: {why}",
+                    f"{verb(len(touched), 'show')} a force, {np.median(size):.1f} N in the middle, and "
+                    f"{verb(len(touched), 'are')} moved with the others: {why}",
                     file=log.source, line=None, target=int(touched[0]), hint=hint)]

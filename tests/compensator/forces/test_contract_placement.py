@@ -169,6 +169,9 @@ def test_tare_over_a_cut_or_beyond_the_program(tmp_path) -> None:
     assert place(tmp_path, text, tare=(0, 2)).forced.tolist() == [False] * 3 + [True] * 2
     with pytest.raises(CompstiffError, match="CS3039.*target 3 shows 9"):
         place(tmp_path, text, tare=(0, 3))
+    # Two are as far from their middle as each other: which of them cuts is not told by it.
+    with pytest.raises(CompstiffError, match=r"CS3039.*the targets 2 and 3 of --tare are not both.* (99|10[01])\.. N apart"):
+        place(tmp_path, text, tare=(2, 3))
     with pytest.raises(CompstiffError, match="CS3006.*beyond the program, which has 5 targets"):
         place(tmp_path, text, tare=(0, 5))
 
