@@ -52,8 +52,8 @@ def said_of_feed(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_]) -> l
     if unit:
         return [Finding(
             "CS3072", "warning", f"by the time in this log the cuts were driven at {100 * middle:.2g} % of their feed: it "
-            f"seems to be in {unit}", file=log.source, hint="time_s is in seconds; how many samples a turn of the spindle has is "
-            "counted by it too")]
+            f"seems to be in {unit}", file=log.source, hint="time_s is in seconds; by it the samples of a turn of the spindle "
+            "are counted, too")]
     return [Finding(
         "CS3072", "warning", f"while this log was taken the cuts were driven at {100 * middle:.0f} % of their feed (nine "
         f"in ten under {100 * most:.0f} %): the force is that of another feed", file=log.source,
