@@ -300,15 +300,19 @@ def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]
 
 def _drifted(mean: Array, path: RobotPath, rows: TargetRows, zero: Zero, forced: NDArray[np.bool_]) -> float:
     """1 sigma [N] of each axis of the sensor's zero after a tare, over the time of the program: what the mean loads (N, 6) of
-    moves at the air feed show beyond their noise, and between them evenly. 0 without a tare, or where that is no drift."""
+    moves at the air feed show beyond their noise, and between them evenly; those that cut all the same are not asked. 0 without
+    a tare, or where that is no drift."""
     in_air = moves_in_air(path.toolpath)
     air = np.flatnonzero(in_air & np.append(in_air[1:], True) & (rows.samples > 0))
     if zero.bias is None or zero.noise is None or not len(air):
         return 0.0
     force = np.linalg.norm(mean[:, :3], axis=1)
     size = force[air]
-    if np.median(size) > min(SMALL, SMALL_SHARE * float(force[forced].max(initial=0.0))):
+    small = min(SMALL, SMALL_SHARE * float(force[forced].max(initial=0.0)))
+    if np.median(size) > small:
         return 0.0
+    # A drift of that middle is at most twice as much anywhere; more is a touch, or a cut that is driven with MoveJ.
+    air, size = air[size <= 2 * small], size[size <= 2 * small]
     noise = np.sum(zero.noise[:3] ** 2) / rows.samples[air]
     drift = np.sqrt(np.maximum(size**2 - noise, 0.0))
     # Samples are time.

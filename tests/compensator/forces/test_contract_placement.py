@@ -161,6 +161,29 @@ def test_refusals(tmp_path, text: str, code: str, words: str) -> None:
         place(tmp_path, text)
 
 
+@pytest.mark.parametrize("odd", ["", "MoveJ in the cut", "a touch at the air feed"])
+def test_a_move_in_air_that_cuts_is_no_drift_of_the_zero(tmp_path, odd: str) -> None:
+    """A zero that is off by 2 N behind the cut and by nothing before it: 1 sigma of an axis over the time of the program is
+    sqrt(mean of the ramp squared / 3), whatever one or two of 26 moves do beside that."""
+    plan(tmp_path)
+    cuts = set(range(4, 20))
+    kind = {i: "J" if i == 0 or (odd.startswith("MoveJ") and i in (10, 11)) else "L" for i in range(26)}
+    moves = "\n".join(f"Move{kind[i]} [[{1000 + 10 * i},0,700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],"
+                      f"[9E9,9E9,9E9,9E9,9E9,9E9]],{'v100' if i in cuts else 'v500'},fine,tSpindle;" for i in range(26))
+    path = robot_path(read_rapid(f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath,
+                      read_cell(tmp_path / "cell.yaml"))
+    force = np.random.default_rng(5).normal(0, 0.3, (26, 40, 3))
+    force[list(cuts), :, 1] += 200
+    force[20:, :, 0] += 2
+    if odd.startswith("a touch"):
+        force[23, :, 2] += 120
+    rows = np.column_stack([np.repeat(np.arange(26), 40), force.reshape(-1, 3)])
+    (tmp_path / "forces.csv").write_text(log_text("target,fx_n,fy_n,fz_n", rows))
+    forces = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell, tare=(0, 1))
+    ramp = np.interp(np.arange(26), [2, 21], [0, 2])
+    assert forces.zero_std == pytest.approx(np.sqrt(np.mean(ramp**2) / 3), rel=0.25)
+
+
 def test_tare_over_a_cut_or_beyond_the_program(tmp_path) -> None:
     """A bias with a cutting force in it would be taken off everywhere."""
     rows = np.column_stack([np.repeat(np.arange(5), 20), np.random.default_rng(4).normal(0, 2, (100, 3))])
