@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from compensator.rapid.calls import Routine, Runs, runs_of
 from compensator.rapid.expressions import Expr
 from compensator.rapid.inline_moves import InlineMoves
 from compensator.rapid.moves import Tail
@@ -31,6 +32,7 @@ class Scan:
     names: Names = field(default_factory=Names)
     uses: Uses = field(default_factory=Uses)
     routines: dict[str, list[Parameter]] = field(default_factory=dict)
+    bodies: list[Routine] = field(default_factory=list)
     move: bytearray = field(default_factory=bytearray)
     start: array[int] = field(default_factory=lambda: array("q"))
     rest: array[int] = field(default_factory=lambda: array("q"))
@@ -52,6 +54,11 @@ class Scan:
     @property
     def scope(self) -> Scope:
         return self.scopes[-1][1]
+
+    @property
+    def runs(self) -> Runs:
+        """How the program drives its targets."""
+        return runs_of(self.bodies, len(self.move))
 
     def enter(self, scope: Scope) -> None:
         self.scopes.append((len(self.move), scope))
