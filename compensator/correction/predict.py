@@ -20,7 +20,6 @@ from compensator.cutting.coefficients import read_coefficients
 from compensator.cutting.predicted_log import in_base, predicted_log
 from compensator.forces.marks import has_marks, placed_by_marks
 from compensator.forces.placement import ForceLog, TargetForces, place_forces, read_force_log
-from compensator.forces.program_time import moves_in_air
 from compensator.forces.two_logs import compared
 from compensator.learned.learned import Learned
 from compensator.learned.learned_file import read_learned
@@ -230,7 +229,7 @@ def under_forces(
         if settings.correction.logged_with is not None:
             added = read_added(settings.correction.logged_with)
             log = log if added is None else by_given_targets(log, path, added)
-        noticed = (*noticed, *log.findings, *said_of_order(program.text, ~moves_in_air(path.toolpath), log.key))
+        noticed = (*noticed, *log.findings, *said_of_order(program.text, ~program.air, log.key))
         placed = place_forces(log, path, path.cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)
         noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
                    *_without_zero(placed, path, settings), *other_tools(path, placed.forced))
