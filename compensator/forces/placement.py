@@ -109,7 +109,8 @@ def place_forces(
     own_mean = mean if log.revolution is None else of_six(rows.mean(before_averaging))
     if zero.offset.any():
         mean, own_mean = _without_offset(mean, zero, rows), _without_offset(own_mean, zero, rows)
-    forced = over_scatter(own_mean, standard_error, rows) if zero.noise is None else over_noise(own_mean, rows, zero.noise)
+    forced = over_scatter(own_mean, standard_error, rows) if zero.noise is None else over_noise(
+        own_mean, rows, zero.noise, zero.tared)
     forced = without_gaps(forced, rows.samples > 0, ~moves_in_air(path.toolpath), own_mean[:, :3])
     standard_error = of_blocks(standard_error, rows.samples, rows.degrees(window), forced)
     wrench, standard_error = _to_base(mean, standard_error, log, path, cell)
