@@ -145,13 +145,18 @@ def _held(left: Indices, path: RobotPath) -> list[Finding]:
     """The targets whose samples stood still and that have no others, and so no correction."""
     if not len(left):
         return []
-    starts = left[np.flatnonzero(np.diff(left, prepend=-2) > 1)]
-    ends = left[np.flatnonzero(np.diff(left, append=left[-1] + 2) > 1)]
-    runs = [f"{first} to {last}" if last > first else f"{first}" for first, last in zip(starts, ends, strict=True)]
-    more = f" and {len(runs) - MOST_LISTED} more stretches" if len(runs) > MOST_LISTED else ""
     return [Finding("CS3070", "warning", f"{counted(len(left), 'target')} left where planned, since the log stood still there: "
-                    f"{', '.join(runs[:MOST_LISTED])}{more}", **_at(path, int(left[0])),
+                    f"{_listed(left)}", **_at(path, int(left[0])),
                     hint="log the pass again; what stands in the log there is no force")]
+
+
+def _listed(targets: Indices) -> str:
+    """Targets (n,), ascending, as stretches."""
+    starts = targets[np.flatnonzero(np.diff(targets, prepend=-2) > 1)]
+    ends = targets[np.flatnonzero(np.diff(targets, append=targets[-1] + 2) > 1)]
+    runs = [f"{first} to {last}" if last > first else f"{first}" for first, last in zip(starts, ends, strict=True)]
+    more = f" and {len(runs) - MOST_LISTED} more" if len(runs) > MOST_LISTED else ""
+    return f"{', '.join(runs[:MOST_LISTED])}{more}"
 
 
 def _direction(
@@ -282,19 +287,22 @@ def _weak(log: ForceLog, path: RobotPath, forces: TargetForces, saturated: Indic
 
 
 def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:
-    """Targets without a sample between targets with force: they stay where they are, and that leaves a step."""
+    """Targets without a sample in the cut, on from one with force or up to one: they stay where they are, and that leaves a
+    step."""
     empty, forced = forces.samples == 0, forces.forced
-    inside = empty[1:-1] & forced[:-2] | empty[1:-1] & forced[2:]
+    run = np.cumsum(np.diff(empty, prepend=False))
+    beside = np.unique(np.concatenate([run[1:][empty[1:] & forced[:-1]], run[:-1][empty[:-1] & forced[1:]]]))
+    inside = np.flatnonzero(empty & np.isin(run, beside) & ~moves_in_air(path.toolpath))
     level: Level = "warning" if 2 * empty.sum() > len(empty) else "note"
     findings = []
     if empty.any():
         findings.append(Finding(
             "CS3011", level, f"{int(empty.sum())} of {counted(len(empty), 'target')} got no sample: left where planned",
             file=log.source, hint="is it the log of this program?" if level == "warning" else ""))
-    if inside.any():
+    if len(inside):
         findings.append(Finding(
-            "CS3012", "warning", f"{counted(int(inside.sum()), 'target')} without a sample next to targets with force: left "
-            "where planned, each is a step in the surface", **_at(path, int(np.argmax(inside)) + 1),
+            "CS3012", "warning", f"{counted(len(inside), 'target')} of the cut without a sample, beside targets with force: "
+            f"left where planned, with a step in the surface at either end: {_listed(inside)}", **_at(path, int(inside[0])),
             hint="log at a higher rate, or check that the log covers the whole cut"))
     return findings
 

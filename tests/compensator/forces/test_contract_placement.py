@@ -1,5 +1,7 @@
 """From a log to one wrench a target: means, their error, bias, frames, and what is refused."""
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -386,3 +388,23 @@ def test_a_short_tare_does_not_make_forces_of_noise(tmp_path, rows_each: int, sh
         wrong += int(np.delete(forces.forced, 5).sum())
     assert wrong <= share * 60 * 25
     assert missed <= 2
+
+
+@pytest.mark.parametrize(("lost", "listed"), [
+    (range(8, 14), "6 targets of the cut.*: 8 to 13$"), (range(16, 26), "4 targets of the cut.*: 16 to 19$"),
+    ([7, 9, 10], "3 targets of the cut.*: 7, 9 to 10$"), ([2, 23], "")])
+def test_all_targets_of_a_gap_in_the_cut_are_told(tmp_path, lost: Sequence[int], listed: str) -> None:
+    """Not the two at its ends alone; what is reached at the air feed has no force to miss."""
+    plan(tmp_path)
+    moves = "\n".join(f"Move{'L' if i else 'J'} [[{1000 + 10 * i},0,700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],"
+                      f"[9E9,9E9,9E9,9E9,9E9,9E9]],{'v100' if 4 <= i < 20 else 'v500'},fine,tSpindle;" for i in range(26))
+    path = robot_path(read_rapid(f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath,
+                      read_cell(tmp_path / "cell.yaml"))
+    force = np.random.default_rng(5).normal(0, 0.3, (26, 10, 3))
+    force[4:20, :, 1] += 200
+    rows = np.column_stack([np.repeat(np.arange(26), 10), force.reshape(-1, 3)])
+    rows = rows[~np.isin(rows[:, 0], list(lost))]
+    (tmp_path / "forces.csv").write_text(log_text("target,fx_n,fy_n,fz_n", rows))
+    forces = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell, tare=(0, 1))
+    told = [finding.message for finding in forces.findings if finding.code == "CS3012"]
+    assert [bool(re.search(listed, message)) for message in told] == ([True] if listed else [])
