@@ -1,5 +1,5 @@
 """The order in which a program drives its moves, by the calls of its routines: which moves are driven more than once, in
-another order than they stand in the text, or under the displacement of a caller.
+another order than they stand in the text, or under what a caller switched: a displacement, a soft servo.
 
 Told by what the text shows: branches are taken as driven, WHILE as one turn (the cell that waits for the next part), calls by
 name at run time are not followed.
@@ -7,14 +7,14 @@ name at run time are not followed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.rapid.moves import DISPLACEMENT
+from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
 
 Mask = NDArray[np.bool_]
 # No more calls are followed: routines that call each other double with every level.
@@ -22,8 +22,8 @@ MOST = 20_000
 
 
 class Step(NamedTuple):
-    """A statement that is no move: a call, the switch of a displacement, "for" or "endfor". at: how many targets stand before
-    it in the text; start: its offset; branch: whether it stands in an IF or TEST."""
+    """A statement that is no move: a call, the switch of a displacement or a soft servo, "for" or "endfor". at: how many
+    targets stand before it in the text; start: its offset; branch: whether it stands in an IF or TEST."""
 
     at: int
     name: str
@@ -46,6 +46,7 @@ class Driven(NamedTuple):
     first: int
     stop: int
     displaced: bool
+    soft: bool
     start: int
 
 
@@ -59,10 +60,18 @@ class Runs:
     @property
     def displaced(self) -> Mask:
         """The targets (N,) that a displacement shifts when they are driven."""
-        shifted = np.zeros(self.count, dtype=bool)
-        for stretch in self.driven:
-            shifted[stretch.first:stretch.stop] |= stretch.displaced
-        return shifted
+        return self._within(stretch for stretch in self.driven if stretch.displaced)
+
+    @property
+    def soft(self) -> Mask:
+        """The targets (N,) that are driven while the controller gives way."""
+        return self._within(stretch for stretch in self.driven if stretch.soft)
+
+    def _within(self, stretches: Iterable[Driven]) -> Mask:
+        within = np.zeros(self.count, dtype=bool)
+        for stretch in stretches:
+            within[stretch.first:stretch.stop] = True
+        return within
 
     @property
     def times(self) -> NDArray[np.intp]:
@@ -109,6 +118,7 @@ class _Run:
     numbers: dict[str, int]
     count: int
     displaced: bool = False
+    soft: bool = False
     calls: int = 0
     driven: list[Driven] = field(default_factory=list)
     under_way: list[int] = field(default_factory=list)
@@ -129,7 +139,7 @@ class _Run:
         in_branches: set[str] = set()
         for step in steps:
             if step.at > first:
-                self.driven.append(Driven(first, step.at, self.displaced, start))
+                self.driven.append(Driven(first, step.at, self.displaced, self.soft, start))
             first = step.at
             if step.name == "endfor":
                 break
@@ -139,6 +149,8 @@ class _Run:
                 self.driven += self.driven[begin:]
             elif step.name in DISPLACEMENT:
                 self.displaced = DISPLACEMENT[step.name]
+            elif step.name in SOFT_SERVO:
+                self.soft = SOFT_SERVO[step.name]
             elif step.name in self.numbers and not (step.branch and step.name in in_branches):
                 # Of several branches that call the same routine one is taken.
                 in_branches |= {step.name} if step.branch else set()

@@ -24,8 +24,8 @@ class Scan:
 
     start, end: span of the target's expression. rest: offset of its confdata where it is written in numbers, else -1.
     name: number in `spellings` where it is just a name, else -1. `expressions` holds the others by target.
-    scopes, shifts, offsets: (first target, value) from which on the scope holds, the program is displaced, or the external axes
-    are. units: (first target, name of a mechanical unit, whether it is on) of each switch.
+    scopes, shifts, softened, offsets: (first target, value) from which on the scope holds, the program is displaced, its servo
+    soft, or the external axes displaced. units: (first target, name of a mechanical unit, whether it is on) of each switch.
     """
 
     source: Source
@@ -44,6 +44,7 @@ class Scan:
     expressions: dict[int, Expr] = field(default_factory=dict)
     scopes: list[tuple[int, Scope]] = field(default_factory=lambda: [(0, Scope(0, -1))])
     shifts: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
+    softened: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     offsets: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     units: list[tuple[int, str, bool]] = field(default_factory=list)
     others: list[tuple[str, int]] = field(default_factory=list)     # further motion instructions: name, offset

@@ -7,7 +7,7 @@ from itertools import pairwise
 from compensator.rapid.calls import Routine, Step
 from compensator.rapid.expressions import Cursor
 from compensator.rapid.lexer import OPERATORS, Token, ends_operand, tokens
-from compensator.rapid.moves import ARGUMENTS, AXIS_OFFSET, DISPLACEMENT, UNIT_SWITCH, parse_move
+from compensator.rapid.moves import ARGUMENTS, AXIS_OFFSET, DISPLACEMENT, SOFT_SERVO, UNIT_SWITCH, parse_move
 from compensator.rapid.runtime import HARMLESS, MOTION, Parameter
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Declaration, Scope
@@ -146,6 +146,8 @@ class Statements:
             self._step(name, words[0].start)
         if name in DISPLACEMENT:
             self.scan.shifts.append((len(self.scan.move), DISPLACEMENT[name]))
+        elif name in SOFT_SERVO:
+            self.scan.softened.append((len(self.scan.move), SOFT_SERVO[name]))
         elif name in AXIS_OFFSET:
             self.scan.offsets.append((len(self.scan.move), AXIS_OFFSET[name]))
         elif name in UNIT_SWITCH:

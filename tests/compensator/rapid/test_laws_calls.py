@@ -58,6 +58,23 @@ def test_a_displacement_goes_along_with_the_calls(routines: dict[str, str], disp
     assert runs(**routines).displaced.tolist() == displaced
 
 
+@pytest.mark.parametrize(("routines", "soft"), [
+    ({"main": "m; SoftAct 1,50; m; SoftDeact; m;"}, [False, True, False]),
+    ({"rCut": "m;", "main": "m; SoftAct \\MechUnit:=ROB_1,2,30\\Ramp:=100; rCut; SoftDeact;"}, [True, False]),
+    ({"main": "m; FCAct t; m; FCDeact;"}, [False, True]),
+])
+def test_what_is_driven_with_a_soft_servo_stays_as_it_is(routines: dict[str, str], soft: list[bool]) -> None:
+    number, text = 0, ""
+    for name, body in routines.items():
+        text += f"PROC {name}()\n{body}\nENDPROC\n"
+    while "m;" in text:
+        text = text.replace("m;", f"MoveL {target(number)},v100,z1,tool0;\n", 1)
+        number += 1
+    toolpath = read_rapid(f"MODULE M\n{text}ENDMODULE\n".encode()).toolpath
+    assert ["soft servo" in why for why in toolpath.block] == soft
+    assert {finding.code for finding in toolpath.findings if finding.level == "warning"} == {"CS2019"}
+
+
 @pytest.mark.parametrize("last", ["m;", ""])
 def test_routines_that_call_each_other_twice_forty_times_over_end(last: str) -> None:
     """2 to the power of 40 calls: the order is followed no further than people would."""
