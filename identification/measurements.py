@@ -185,7 +185,7 @@ def _check_sizes(table: Table, wrench: Array, deflection: Array) -> None:
 
 def _not_measured(table: Table, deflection: Array) -> list[Finding]:
     empty = int(np.isnan(deflection).sum())
-    return [Finding("CS1007", "note", f"{empty} of {deflection.size} deflection components are empty and were taken as not "
+    return [Finding("CS1007", "note", f"{empty} of {deflection.size} deflection components empty, taken as not "
                     "measured", file=table.source)] if empty else []
 
 

@@ -27,7 +27,7 @@ from compensator.forces.placement import ForceLog, TargetForces
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
 from identification.common.files import sha256
-from identification.common.findings import Finding, Refused, error
+from identification.common.findings import Finding, Refused, counted, error, verb
 from identification.common.quantities import two_sigma
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
@@ -75,8 +75,8 @@ def cutting_coefficients(
     check_in_the_stock(predicted.forces, cut.cuts | cut.unknown, blank.source)
     rows, used = logged_rows(cut, predicted.forces)
     if len(rows.force) < FEWEST:
-        raise error("CS4730", f"only {len(rows.force)} targets show a force and are engaged as the stock says, expected at "
-                    f"least {FEWEST}", file=predicted.forces.log.source,
+        raise error("CS4730", f"only {counted(len(rows.force), 'target')} with a force and engaged as the stock says, expected "
+                    f"at least {FEWEST}", file=predicted.forces.log.source,
                     hint="is it the log of this program, and the stock it started from, in its work object?")
     chip = cut.track.chip[cut.engagement.cuts & ~cut.engagement.unknown]
     mean, covariance, material, assumed = before(cell, float(np.median(chip)))
@@ -159,7 +159,8 @@ def check_in_the_stock(forces: TargetForces, touches: NDArray[np.bool_], stock: 
     with_force, beside = int(forces.forced.sum()), int((forces.forced & ~touches).sum())
     if beside > MOST_BESIDE * with_force:
         raise Refused(Finding(
-            "CS4738", "error", f"{beside} of {with_force} targets with force lie beside the stock: the cut is elsewhere",
+            "CS4738", "error", f"{beside} of {with_force} targets with force {verb(beside, 'lie')} beside the stock: the "
+                               "cut is elsewhere",
             file=str(stock), hint="in millimetres of the program's work object, where does the stock stand? Is it the log of "
             "this program?"))
 

@@ -13,7 +13,7 @@ from compensator.cutting.disagreement import disagreement
 from compensator.cutting.predicted_log import STEP
 from compensator.cutting.rows import FEWEST, logged_rows
 from compensator.cutting.stock_file import read_stock
-from identification.common.findings import Finding
+from identification.common.findings import Finding, counted
 
 
 def beside_stock(loaded: LoadedPath, prediction: Prediction, settings: Settings) -> list[Finding]:
@@ -33,7 +33,7 @@ def beside_stock(loaded: LoadedPath, prediction: Prediction, settings: Settings)
     check_same(coefficients, cut.cutter, path.cell.cutting.material, str(path.cell.source))
     rows, _ = logged_rows(cut, forces, coefficients.mean)
     if len(rows.force) < FEWEST:
-        return [Finding("CS4743", "warning", f"only {len(rows.force)} targets show a force and are engaged as the stock "
+        return [Finding("CS4743", "warning", f"only {counted(len(rows.force), 'target')} with a force and engaged as the stock "
                         "says: the log cannot be held against it", file=source,
                         hint="is it the stock that this program started from?")]
     found = disagreement(rows, coefficients, cut.left.position_std, step)

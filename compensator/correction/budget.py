@@ -17,7 +17,7 @@ from compensator.correction.expected_left import CAUSES
 from compensator.correction.predict import Predicted
 from compensator.correction.remedies import Remedy, remedies
 from identification.common.arrays import rms
-from identification.common.findings import Finding, counted
+from identification.common.findings import Finding, counted, verb
 
 Array = NDArray[np.float64]
 SIGMAS = 2.0
@@ -93,8 +93,8 @@ class Budget:
         figures = self.as_dict()
         two = figures["two_sigma_um"]
         text = [f"error budget for {figures['tolerance_um']:g} um: uncorrected {figures['uncorrected_over']} of "
-                f"{counted(figures['targets'], 'target')} are over it; corrected, two sigma are {two['rms']:.1f} um RMS, "
-                f"{two['largest']:.1f} um at most, and {figures['over']} are over it"]
+                f"{counted(figures['targets'], 'target')} over it; corrected, two sigma are {two['rms']:.1f} um RMS, "
+                f"{two['largest']:.1f} um at most, and {figures['over']} over it"]
         text += [f"  {CAUSES[cause]}: {100 * of['share_of_tolerance']:.1f} % of the tolerance (two sigma "
                  f"{of['two_sigma_um']['rms']:.1f} um RMS, {of['two_sigma_um']['largest']:.1f} um at most)"
                  for cause, of in sorted(figures["causes"].items(), key=lambda item: -item[1]["share_of_tolerance"])
@@ -124,8 +124,8 @@ def error_budget(predicted: Predicted, tolerance: float) -> Budget:
     over = int((budget.two_sigma > tolerance).sum())
     findings = said_of_tolerance(tolerance, predicted.path.toolpath.source)
     findings += () if not over else (Finding(
-        "CS3205", "warning", f"{over} of {counted(len(budget.two_sigma), 'target')} are expected over the tolerance of "
-        f"{1e6 * tolerance:g} um by two sigma, the worst by {1e6 * budget.two_sigma.max():.0f} um",
+        "CS3205", "warning", f"{over} of {counted(len(budget.two_sigma), 'target')} {verb(over, 'are')} expected over the "
+        f"tolerance of {1e6 * tolerance:g} um by two sigma, the worst by {1e6 * budget.two_sigma.max():.0f} um",
         file=predicted.path.toolpath.source, line=budget.places[0].first_line,
         hint=f"{worth[0].name}: gains {1e6 * budget.gain(worth[0]):.1f} um" if worth else ""),)
     return Budget(corrected, tolerance, budget.places, tuple(worth), findings)

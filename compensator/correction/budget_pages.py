@@ -5,6 +5,7 @@ from __future__ import annotations
 from compensator.correction.budget import SIGMAS, Budget
 from compensator.correction.expected_left import CAUSES
 from identification.common.chart import Axis, Figure, Line, Panel, Rule, Series
+from identification.common.findings import verb
 from identification.common.report import ReportTable
 
 # So many places are listed; the JSON result holds all.
@@ -19,7 +20,8 @@ def budget_sentence(budget: Budget) -> str:
     first = figures["remedies"][0] if figures["remedies"] else None
     return (f"Error budget for a tolerance of {figures['tolerance_um']:g} um: uncorrected {figures['uncorrected_over']} of "
             f"{figures['targets']} targets with force, those that the correction adds among them, would be over it. "
-            f"Corrected, {figures['over']} are expected over it by two sigma; the largest cause is {CAUSES[cause]}, "
+            f"Corrected, {figures['over']} {verb(figures['over'], 'are')} expected over it by two sigma; the largest cause is "
+            f"{CAUSES[cause]}, "
             f"{100 * most['share_of_tolerance']:.0f} % of the tolerance."
             + (f" What would help most: {first['do']} ({first['gain_um']:.1f} um of {figures['two_sigma_um']['rms']:.1f} um "
                "RMS)." if first else ""))

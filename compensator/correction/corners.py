@@ -21,7 +21,7 @@ from compensator.path.robot_path import RobotPath
 from compensator.rapid import move_text, read_rapid
 from compensator.rapid import with_zones as with_radii
 from compensator.toolpath import Move, Toolpath
-from identification.common.findings import Finding, counted
+from identification.common.findings import Finding, counted, verb
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -126,12 +126,13 @@ def _tightened(predicted: Predicted, tolerance: float) -> tuple[bytes, list[Find
     findings = []
     if len(possible) < len(over):
         left = [int(i) for i in over if int(i) not in set(possible)]
-        findings.append(path.finding(left[0], "CS4322", "warning", f"{len(left)} zones that cut corners cannot be made smaller "
+        findings.append(path.finding(left[0], "CS4322", "warning", f"{counted(len(left), 'zone')} that "
+                                                                   f"{verb(len(left), 'cut')} corners cannot be made smaller "
                                      "here"))
     if not possible:
         return text.source.data, findings
     radius = np.maximum(2 * tolerance / half_sine[possible], SMALLEST)
-    findings.append(path.finding(possible[0], "CS4321", "note", f"{len(possible)} zones were made smaller, to "
+    findings.append(path.finding(possible[0], "CS4321", "note", f"{counted(len(possible), 'zone', 'were')} made smaller, to "
                                  f"{1e3 * radius.min():.3f} ... {1e3 * radius.max():.3f} mm, so that they cut at most "
                                  f"{1e6 * tolerance:g} um off the corner"))
     return with_radii(text, possible, (np.floor(1e6 * radius) / 1e3).tolist()), findings

@@ -98,7 +98,7 @@ class Corrected:
                  "program counts otherwise (offsets.csv: added)"] if figures["added_targets"] else []
         return [
             *self.planned.figure_lines(), *added,
-            f"corrected: {figures['corrected']} targets; largest correction {offset['largest']:.4f} mm and "
+            f"corrected: {counted(figures['corrected'], 'target')}; largest correction {offset['largest']:.4f} mm and "
             f"{figures['turn_deg']['largest']:.4f} deg",
             f"left after correction, by the same model: largest {residual['largest']:.2f} um, RMS {residual['rms']:.2f} um ("
             + (f"{counted(held_back, 'correction')} held back, else the rounding of the written numbers)" if held_back

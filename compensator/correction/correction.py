@@ -25,7 +25,7 @@ from compensator.correction.wall_behind import held_before_the_wall
 from compensator.path.legs import Poses
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import read_only
-from identification.common.findings import CompstiffError, Finding, Refused, counted
+from identification.common.findings import CompstiffError, Finding, Refused, counted, verb
 from identification.model.compliance import CHUNK, displacement, joint_torque, loaded_angles
 from identification.model.inverse import NEARLY_SINGULAR, configuration, nearest_angles, wrist_distance
 from identification.model.kinematics import chunks, forward
@@ -188,10 +188,10 @@ def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[
     findings = []
     unsure = np.flatnonzero((share < 1) & (np.linalg.norm(full - sure, axis=1) > HELD))
     if len(unsure):
-        left = np.linalg.norm((full - sure)[unsure], axis=1)
+        left, reduced = np.linalg.norm((full - sure)[unsure], axis=1), int((share[unsure] > 0).sum())
         findings.append(path.finding(int(targets[unsure[np.argmax(left)]]), "CS4112", "note",
                            f"small against their own uncertainty: {counted(len(unsure), 'correction')}; "
-                           f"{int((share[unsure] == 0).sum())} are left out, the others reduced; up to "
+                           f"{len(unsure) - reduced} left out, {reduced} reduced; up to "
                            f"{1e6 * left.max():.1f} um of expected deviation stay",
                            f"each correction makes its point better with a probability of at least {restraint.confidence:g} "
                            "(--confidence)"))
@@ -207,7 +207,7 @@ def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[
     if len(steep):
         findings.append(path.finding(int(targets[steep[np.argmax(changed[steep])]]), "CS4113", "warning",
                            f"the correction would change by more than {1e3 * restraint.slope:g} um a millimetre: it is "
-                           f"reduced at {len(steep)} targets, by up to {1e6 * changed.max():.1f} um",
+                           f"reduced at {counted(len(steep), 'target')}, by up to {1e6 * changed.max():.1f} um",
                            "a step of the force between neighbours: is the log placed right? --max-slope sets the limit"))
     return result, findings
 
@@ -255,8 +255,8 @@ def _before_walls(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tu
     return result, [path.finding(
         int(targets[worst]), "CS4116", "warning",
         f"at sharp corners the tool of the log turned early, so that the force where the corrected one turns is not known: "
-        f"towards the wall behind {counted(told, 'correction')} are held back, by up to {1e6 * held[worst]:.0f} um, which may "
-        "be left there as stock",
+        f"towards the wall behind {counted(told, 'correction', 'are')} held back, by up to {1e6 * held[worst]:.0f} um, which "
+        f"may be left there as stock",
         "correct again by the log of the corrected pass (--logged-with), or round the corner in the toolpath; where the cut is "
         "deeper than the tool stood aside it was in that stock: state --depth-of-cut")]
 
@@ -291,7 +291,8 @@ def _check_size(path: RobotPath, targets: Indices, offset: Array, turn: Array) -
         over = np.flatnonzero(values > limit)
         if len(over):
             worst = int(over[np.argmax(values[over])])
-            findings.append(path.finding(int(targets[worst]), "CS4107", "error", f"{len(over)} corrections exceed the limit: "
+            findings.append(path.finding(int(targets[worst]), "CS4107", "error",
+                                         f"{counted(len(over), 'correction', 'exceed')} the limit: "
                                          f"the largest {what} is {factor * values[worst]:.3f} {unit}, the limit "
                                          f"{factor * limit:g} {unit}", hint))
     if findings:
@@ -316,6 +317,7 @@ def _singularity(path: RobotPath, targets: Indices, theta: Array) -> list[Findin
     if not len(near):
         return []
     closest = int(near[np.argmin(distance[near])])
-    return [path.finding(int(targets[closest]), "CS4110", "warning", f"{len(near)} targets with force are within "
+    return [path.finding(int(targets[closest]), "CS4110", "warning", f"{counted(len(near), 'target')} with force "
+                                                                     f"{verb(len(near), 'are')} within "
                f"{np.degrees(NEARLY_SINGULAR):g} deg of the wrist singularity, the closest {np.degrees(distance[closest]):.2f}"
                " deg: axes 4 and 6 turn fast there")]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from compensator.path.external_axes import SAME_VALUE
 from compensator.path.robot_path import RobotPath
-from identification.common.findings import Finding, Level, counted
+from identification.common.findings import Finding, Level, counted, verb
 from identification.model.mechanical_units import LETTERS, ExternalAxis, MechanicalUnit
 
 Array = NDArray[np.float64]
@@ -115,8 +115,8 @@ def _left_there(path: RobotPath, targets: Indices, unit: MechanicalUnit) -> Find
     """CS4507: a unit whose axes targets with force do not write."""
     which = targets[np.isnan(path.toolpath.external[targets][:, unit.columns]).any(axis=1)]
     places = ", ".join(f"{axis.name} at {path.axes.values[which[0], axis.column]:g} {axis.unit}" for axis in unit.axes)
-    return _all(path, which, "CS4507", "note", f"{counted(len(which), 'move')} with force do not drive {unit.name}: "
-                f"taken to stand where it was left, or is parked ({places})",
+    return _all(path, which, "CS4507", "note", f"{counted(len(which), 'move')} with force {verb(len(which), 'do')} not drive "
+                f"{unit.name}: taken to stand where it was left, or is parked ({places})",
                 "is that where it stands? 9E9 is for a unit that is not active")
 
 

@@ -14,7 +14,7 @@ from compensator.correction.settings import EXACTLY_ONE
 from compensator.posting.suffixes import rapid_suffix, toolpath_stem
 from identification.common.arrays import Array, rms
 from identification.common.command_line import call
-from identification.common.findings import counted
+from identification.common.findings import counted, verb
 from identification.common.report import Key, Step, Verdict, count_words
 
 
@@ -36,7 +36,7 @@ def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
                 f"sigma).")
     held = len(job.planned.forces.held)
     if held:
-        sentence += f" {counted(held, 'target')} are not among them: the log stood still there, and they stay as planned."
+        sentence += f" {counted(held, 'target', 'are')} not among them: the log stood still there, left as planned."
     slow = job.feed is not None and (job.feed.last.slow & job.feed.last.cutting).any()
     doubts = count_words(job.findings, "error", "warning")
     largest = max(CAUSES, key=lambda cause: left[cause])
@@ -58,11 +58,10 @@ def _against(budget: Budget) -> Verdict:
     limit, over, targets = figures["tolerance_um"], figures["over"], figures["targets"]
     if not over:
         return Verdict("good", "WITHIN THE TOLERANCE ONCE CORRECTED", f"Corrected, all {targets} targets with force are "
-                                                                      f"expected "
-                       f"within {limit:g} µm by two sigma; uncorrected {figures['uncorrected_over']} would not be.")
+                       f"expected within {limit:g} µm by two sigma; uncorrected {figures['uncorrected_over']} would not be.")
     place = max(budget.places, key=lambda one: one.two_sigma)
     return Verdict("bad" if over > 0.05 * targets else "caution", "THE TOLERANCE MAY FAIL EVEN CORRECTED",
-                   f"{over} of {targets} targets are expected over {limit:g} µm by two sigma, the worst at "
+                   f"{over} of {targets} targets {verb(over, 'are')} expected over {limit:g} µm by two sigma, the worst at "
                    f"{place.words().replace(' um', ' µm')}.")
 
 

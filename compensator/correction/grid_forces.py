@@ -32,7 +32,8 @@ def forces_on(planned: Predicted, fine: RobotPath, grid: Grid, closest: Array) -
         air = kept[np.minimum(np.array(planned.settings.log.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
         # The tare was judged on the program itself.
         placed = place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air], trust_tare=True)
-        return _without_short_gaps(_centred(placed, fine), place_of(fine), closest)
+        placed = _without_short_gaps(_centred(placed, fine), place_of(fine), closest)
+        return _between_samples(placed, place_of(fine), kept[forces.forced[grid.targets]])
     own = ~grid.further
     number = np.interp(np.arange(len(own)), kept, np.arange(len(kept)))
     before = np.floor(number).astype(np.intp)
@@ -82,6 +83,23 @@ def _without_short_gaps(placed: TargetForces, place: Array, closest: Array) -> T
     wrench = placed.wrench.copy()
     wrench[inside] = np.column_stack([np.interp(place[inside], place[on], axis[on]) for axis in placed.wrench.T])
     return replace(placed, wrench=wrench, forced=placed.forced | inside)
+
+
+def _between_samples(placed: TargetForces, place: Array, own: Indices) -> TargetForces:
+    """The program's targets with force `own` (n,) on whose own short piece no sample lies, as between two of a slow log: they
+    get what lies between the sampled points before and behind them, where either has a force."""
+    sampled = np.flatnonzero(placed.samples > 0)
+    alone = own[(placed.samples[own] == 0) & ~placed.forced[own]]
+    if not len(alone) or not len(sampled):
+        return placed
+    number = np.searchsorted(sampled, alone)
+    before, behind = sampled[np.maximum(number - 1, 0)], sampled[np.minimum(number, len(sampled) - 1)]
+    alone = alone[placed.forced[before] | placed.forced[behind]]
+    measured = np.where(placed.forced[sampled, None], placed.wrench[sampled], 0.0)
+    wrench, forced = placed.wrench.copy(), placed.forced.copy()
+    wrench[alone] = np.column_stack([np.interp(place[alone], place[sampled], axis) for axis in measured.T])
+    forced[alone] = True
+    return replace(placed, wrench=wrench, forced=forced)
 
 
 def place_of(path: RobotPath) -> Array:

@@ -26,7 +26,7 @@ from compensator.learned.learned_file import read_learned
 from compensator.path.arc_length import borders
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.posting.read_toolpath import PlannedProgram
-from compensator.rapid import marks_of
+from compensator.rapid import marks_of, said_of_order
 from identification.common.added_targets import read_added
 from identification.common.arrays import rms
 from identification.common.findings import CompstiffError, Finding, Refused, counted, error
@@ -229,7 +229,7 @@ def under_forces(
         if settings.correction.logged_with is not None:
             added = read_added(settings.correction.logged_with)
             log = log if added is None else by_given_targets(log, path, added)
-        noticed = (*noticed, *log.findings)
+        noticed = (*noticed, *log.findings, *said_of_order(program.text, ~program.air, log.key))
         placed = place_forces(log, path, path.cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)
         noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
                    *_without_zero(placed, path, settings), *other_tools(path, placed.forced))
@@ -242,7 +242,8 @@ def under_forces(
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *noticed) from stopped
     told = taken_as_given(loaded, settings).finding(path.cell.cutting, settings.correction.depth_of_cut, placed.log.source)
-    return Predicted(settings, program, loaded, prediction, (*noticed, *left, *prediction.findings, *told))
+    order = said_of_order(program.text, np.isin(np.arange(len(path.toolpath)), targets), log.key)
+    return Predicted(settings, program, loaded, prediction, (*noticed, *left, *order, *prediction.findings, *told))
 
 
 def _log(path: RobotPath, forces: str | Path | ForceLog | None, settings: Settings) -> ForceLog:

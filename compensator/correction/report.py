@@ -46,7 +46,8 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None, offset
     if corrected is not None:
         offset, residual = figures["offset_mm"], figures["residual_um"]
         lead.append(
-            f"{figures['corrected']} targets were corrected, {_between_them(corrected)} of them added between those given, by "
+            f"{counted(figures['corrected'], 'target', 'were')} corrected, {_between_them(corrected)} of them added between "
+            f"those given, by "
             f"up to {offset['largest']:.3f} mm. With the written numbers the same model leaves {residual['largest']:.2f} um at "
             "most. "
             f"{corrected.left.sentence()} "

@@ -11,15 +11,18 @@ from identification.common.arrays import Array
 Flags = NDArray[np.bool_]
 # A mean so many sigmas from zero is a force; one next to a force from GROW sigmas on; gaps of at most GAP targets are filled.
 SIGMAS, GROW, GAP = 5.0, 2.0, 3
+# The zero that a tare found is trusted to so many sigmas.
+OF_ZERO = 3.0
 # A target in a gap belongs to the cut with so much of the force that stands between its ends.
 HALF = 0.5
 
 
-def over_noise(mean: Array, rows: TargetRows, noise: Array) -> Flags:
-    """Targets (N,) whose mean (N, 6) is other than zero by 5 sigma of a sensor with this noise (6,) of one sample in air."""
+def over_noise(mean: Array, rows: TargetRows, noise: Array, tared: float = np.inf) -> Flags:
+    """Targets (N,) whose mean (N, 6) is other than zero by 5 sigma of a sensor with this noise (6,) of one sample in air, and 3
+    sigma of its zero, which is the mean of `tared` such samples and one for all."""
     # A component without noise (no moments logged, a clean simulation) shows a force by being other than zero.
-    sigma = np.abs(mean) / np.maximum(noise / np.sqrt(np.maximum(rows.samples, 1))[:, None], 1e-12)
-    return np.asarray((rows.samples > 0) & (sigma > SIGMAS).any(axis=1))
+    least = np.sqrt(SIGMAS**2 / np.maximum(rows.samples, 1) + OF_ZERO**2 / tared)[:, None] * noise
+    return np.asarray((rows.samples > 0) & (np.abs(mean) > np.maximum(least, SIGMAS * 1e-12)).any(axis=1))
 
 
 def over_scatter(mean: Array, standard_error: Array, rows: TargetRows) -> Flags:

@@ -17,6 +17,9 @@ SLOW, FAST = 0.75, 1.25
 # So many moves of the cut at least, and so many samples in each: the places of a log scatter by a sample either way.
 FEWEST, SAMPLES = 20, 8
 
+# What share of its feed a robot seems to drive at where the time is in another unit than seconds.
+UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0}
+
 
 def said_of_feed(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_]) -> list[Finding]:
     """A warning (CS3072) where the pass of a log, by path length and with time, was not driven at the program's feed.
@@ -45,6 +48,12 @@ def said_of_feed(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_]) -> l
     middle, most = share[cut][order][np.searchsorted(passed, (0.5, 0.9))].tolist()
     if most >= SLOW and middle <= FAST:
         return []
+    unit = next((unit for unit, factor in UNITS.items() if 0.3 * factor < middle < 3 * factor), "")
+    if unit:
+        return [Finding(
+            "CS3072", "warning", f"by the time in this log the cuts were driven at {100 * middle:.2g} % of their feed: it "
+            f"seems to be in {unit}", file=log.source, hint="time_s is in seconds; by it the samples of a turn of the spindle "
+            "are counted, too")]
     return [Finding(
         "CS3072", "warning", f"while this log was taken the cuts were driven at {100 * middle:.0f} % of their feed (nine "
         f"in ten under {100 * most:.0f} %): the force is that of another feed", file=log.source,

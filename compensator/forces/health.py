@@ -275,7 +275,7 @@ class Health:
         for number, side in self.clipped_sides():
             channel = self.channels[number]
             findings.append(Finding(
-                "CS3023", "warning", f"{AXES[number]}: {channel.clipped[side]} samples in runs of exactly "
+                "CS3023", "warning", f"{AXES[number]}: {counted(channel.clipped[side], 'sample')} in runs of exactly "
                 f"{channel.extreme[side]:.6g}, its {('largest', 'smallest')[side]} value: saturated", file=self.source,
                 line=channel.first_clipped[side], hint=hint))
         return findings
@@ -296,8 +296,8 @@ class Health:
                                             hint="check the cable and the channel" if not zero else ""))
             elif channel.stuck and self._told(channel):
                 findings.append(Finding(
-                    "CS3024", "warning", f"{AXES[number]} stood still while others moved: {channel.stuck} samples, the longest "
-                    f"run {channel.longest}", file=self.source, line=channel.first_stuck,
+                    "CS3024", "warning", f"{AXES[number]} stood still while others moved: {counted(channel.stuck, 'sample')}, "
+                    f"the longest run {channel.longest}", file=self.source, line=channel.first_stuck,
                     hint="these samples are not used: check the cable and the channel, and log the pass again"))
         findings += [Finding("CS3024", "warning", f"{AXES[one]} and {AXES[other]} are the same in all "
                              f"{counted(self.count, 'sample')}", file=self.source, hint="one column was written twice?")

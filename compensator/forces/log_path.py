@@ -21,6 +21,8 @@ from identification.model.kinematics import forward
 BESIDE = 5e-4
 # What a column of millimetres may be in by mistake.
 UNITS = {"metres": 1e3, "inches": 25.4, "micrometres": 1e-3}
+# Asked where samples are on no more than this share of the path: those near its zero lie on it in any unit.
+SHORT = 0.02
 
 
 def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
@@ -36,6 +38,7 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
         _check_targets(log, len(path.toolpath))
         return log if path.cell.force_log.form.target == "nearest" else _on_the_way(log, path)
     if log.key == "path_mm":
+        _check_unit(log, log.place[:, None], path.length[np.isfinite(path.length), None], "path_mm is")
         return replace(log, place=_in_time(log, log.place, path), on_path=True)
     if log.key == "time":
         return replace(place_by_time(log, path), on_path=True)
@@ -44,11 +47,8 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
     position = _world_positions(log, path)
     place = match_forwards(points, length, position)
-    unit = _unit_of(position, points) if np.isnan(place).all() else ""
-    if unit:
-        raise error("CS3005", f"none of the {counted(int(log.weight.sum()), 'sample')} lies on this path: all lie within "
-                    f"{1e3 * _reach(position):.3g} mm, the program reaches over {1e3 * _reach(points):.3g} mm", file=log.source,
-                    hint=f"the log seems to be in {unit}: x_mm y_mm z_mm are millimetres")
+    if not np.isfinite(place).any() or np.ptp(place[np.isfinite(place)]) < SHORT * length[-1]:
+        _check_unit(log, position, points, "x_mm y_mm z_mm are")
     frame = _frame_of(log, path, points, length) if np.isnan(place).all() else ""
     if frame:
         raise error("CS3005", f"none of the {counted(int(log.weight.sum()), 'sample')} lies on this path", file=log.source,
@@ -68,6 +68,15 @@ def _unit_of(position: Array, points: Array) -> str:
     reach = _reach(position)
     ratio = _reach(points) / reach if reach > 0 else 0.0
     return next((unit for unit, factor in UNITS.items() if 0.8 * factor < ratio < 1.25 * factor), "")
+
+
+def _check_unit(log: ForceLog, position: Array, points: Array, named: str) -> None:
+    """Raises CompstiffError (CS3005) where positions (M, k) reach as far as the path, points (K, k), but for a unit."""
+    unit = _unit_of(position, points) if len(points) else ""
+    if unit:
+        raise error("CS3005", f"{counted(int(log.weight.sum()), 'sample', 'do')} not lie on this path: all are within "
+                    f"{1e3 * _reach(position):.3g} mm, the program reaches over {1e3 * _reach(points):.3g} mm", file=log.source,
+                    hint=f"the log seems to be in {unit}: {named} in millimetres")
 
 
 def _frame_of(log: ForceLog, path: RobotPath, points: Array, length: Array) -> str:

@@ -15,7 +15,7 @@ from compensator.forces.source import TIMES
 from compensator.path.robot_path import RobotPath
 from identification.common import number_blocks
 from identification.common.arrays import Array
-from identification.common.findings import Finding, error
+from identification.common.findings import Finding, counted, error
 from identification.common.table_layout import read_layout
 from identification.model.cell_file import ForceLogFile
 
@@ -58,7 +58,7 @@ def placed_by_marks(log: ForceLog, form: ForceLogFile, path: RobotPath, target: 
                     hint="is it the log of this program? An edge that was lost and another one too many shift all behind them")
     place = np.interp(np.asarray(log.place), edges, length, left=np.nan, right=np.nan)
     outside = int(np.isnan(place).sum())
-    left = f"; {outside} rows before the first and behind the last are left out" if outside else ""
+    left = f"; {counted(outside, 'row')} before the first and behind the last left out" if outside else ""
     note = Finding("CS3090", "note", f"placed by the {len(target)} edges of {MARK}, at targets {target[0]} to {target[-1]}, at "
                    f"steady feed between them{left}", file=log.source)
     return replace(log, key="path_mm", place=place, findings=(*log.findings, note))

@@ -16,6 +16,7 @@ from compensator.forces.driven_feed import said_of_feed
 from compensator.forces.late_forces import said_of_delay
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
+from compensator.forces.one_pass import check_once, said_of_lost, targets_of
 from compensator.forces.program_time import moves_in_air
 from compensator.forces.ripple import said_of_teeth
 from compensator.forces.scatter import of_blocks
@@ -23,10 +24,9 @@ from compensator.forces.swapped_columns import swapped_columns
 from compensator.forces.tare_check import Range
 from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import Zero, base_from_log, of_six, zero_of
-from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
-from identification.common.findings import Finding, Level, counted, error
+from identification.common.findings import Finding, Level, counted, error, verb
 from identification.model.cell import Cell
 from identification.model.cell_file import FrameKind
 from identification.model.quaternion_order import other_order
@@ -34,11 +34,6 @@ from identification.model.rotations import Frame
 
 __all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
 Indices = NDArray[np.intp]
-# A log with more than this share of its samples off the path is that of another program.
-MOST_LOST = 0.9
-# A log comes back to a target where the number falls by more than this, and goes twice over the program with more than this
-# share of its targets; a logger that rounds flickers between neighbours.
-BACK, MOST_AGAIN = 5, 0.1
 # So many stretches of targets are listed in a finding.
 MOST_LISTED = 6
 # A force in air under this [N], and under this share of the largest, is drift that is no more than worth a note.
@@ -98,10 +93,10 @@ def place_forces(
     `on_path` and `zero_of` raise.
     """
     log, held = _without_held(on_path(log, path), path)
-    target = _targets(log, path)
+    target = targets_of(log, path)
     on = target >= 0
-    _check_once(log)
-    findings = _off_path(log, on)
+    check_once(log, target)
+    findings = said_of_lost(log, on)
     behind = None if log.key == "target" else log.place[on] > path.length[target[on]]
     here = slice(None) if on.all() else on
     rows = TargetRows(len(path.toolpath), target[here], log.weight[here], behind)
@@ -114,7 +109,8 @@ def place_forces(
     own_mean = mean if log.revolution is None else of_six(rows.mean(before_averaging))
     if zero.offset.any():
         mean, own_mean = _without_offset(mean, zero, rows), _without_offset(own_mean, zero, rows)
-    forced = over_scatter(own_mean, standard_error, rows) if zero.noise is None else over_noise(own_mean, rows, zero.noise)
+    forced = over_scatter(own_mean, standard_error, rows) if zero.noise is None else over_noise(
+        own_mean, rows, zero.noise, zero.tared)
     forced = without_gaps(forced, rows.samples > 0, ~moves_in_air(path.toolpath), own_mean[:, :3])
     standard_error = of_blocks(standard_error, rows.samples, rows.degrees(window), forced)
     wrench, standard_error = _to_base(mean, standard_error, log, path, cell)
@@ -141,7 +137,7 @@ def _without_held(log: ForceLog, path: RobotPath) -> tuple[ForceLog, Indices]:
     if log.held.all():
         raise error("CS3024", "a channel stands still in all of the log: nothing in it is a force", file=log.source,
                     hint="check the logger, and log the pass again")
-    target = _targets(log.rows(log.held), path)
+    target = targets_of(log.rows(log.held), path)
     return log.rows(~log.held), np.unique(target[target >= 0])
 
 
@@ -149,13 +145,18 @@ def _held(left: Indices, path: RobotPath) -> list[Finding]:
     """The targets whose samples stood still and that have no others, and so no correction."""
     if not len(left):
         return []
-    starts = left[np.flatnonzero(np.diff(left, prepend=-2) > 1)]
-    ends = left[np.flatnonzero(np.diff(left, append=left[-1] + 2) > 1)]
-    runs = [f"{first} to {last}" if last > first else f"{first}" for first, last in zip(starts, ends, strict=True)]
-    more = f" and {len(runs) - MOST_LISTED} more stretches" if len(runs) > MOST_LISTED else ""
     return [Finding("CS3070", "warning", f"{counted(len(left), 'target')} left where planned, since the log stood still there: "
-                    f"{', '.join(runs[:MOST_LISTED])}{more}", **_at(path, int(left[0])),
+                    f"{_listed(left)}", **_at(path, int(left[0])),
                     hint="log the pass again; what stands in the log there is no force")]
+
+
+def _listed(targets: Indices) -> str:
+    """Targets (n,), ascending, as stretches."""
+    starts = targets[np.flatnonzero(np.diff(targets, prepend=-2) > 1)]
+    ends = targets[np.flatnonzero(np.diff(targets, append=targets[-1] + 2) > 1)]
+    runs = [f"{first} to {last}" if last > first else f"{first}" for first, last in zip(starts, ends, strict=True)]
+    more = f" and {len(runs) - MOST_LISTED} more" if len(runs) > MOST_LISTED else ""
+    return f"{', '.join(runs[:MOST_LISTED])}{more}"
 
 
 def _direction(
@@ -196,56 +197,10 @@ def _stretches(tare: Range | Sequence[Range] | None) -> list[Range]:
     return [stretch for stretch in tare if not isinstance(stretch, int)]
 
 
-def _targets(log: ForceLog, path: RobotPath) -> Indices:
-    """Target (M,) of each row, -1 where it is not on the path."""
-    if log.key == "target":
-        return log.place.astype(np.intp)
-    length = path.length
-    known = ~np.isnan(length)
-    if not known.any():
-        raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
-    inside = (log.place >= -1e-3) & (log.place <= np.nanmax(length) + 1e-3)
-    return np.where(inside, nearest_target(length, np.where(inside, log.place, 0.0)), -1)
-
-
 def _outside(log: ForceLog, on: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Loads (k, 3 or 6) of the rows before the first and after the last one on the path (M,)."""
     inside, load = np.flatnonzero(on), log.load
     return (load[:inside[0]], load[inside[-1] + 1:]) if len(inside) else (load[:0], load[:0])
-
-
-def _off_path(log: ForceLog, on: NDArray[np.bool_]) -> list[Finding]:
-    """What is said of samples off the path; on (M,): rows on it. Raises CompstiffError (CS3005) where nearly all are off."""
-    number = int(log.weight.sum())
-    lost = int(log.weight[~on].sum())
-    if lost > MOST_LOST * number:
-        few = "none" if not on.any() else f"only {number - lost}"
-        raise error("CS3005", f"{few} of the {number} samples {'lies' if number - lost < 2 else 'lie'} on this path",
-                    file=log.source, hint="is it the log of this program, with TCP positions in its work object?")
-    if not lost:
-        return []
-    level: Level = "warning" if lost > 0.01 * number else "note"
-    return [Finding("CS3007", level, f"{lost} of {counted(number, 'sample')} not on the path, not used",
-                    file=log.source, line=int(log.line[np.argmin(on)]))]
-
-
-def _check_once(log: ForceLog) -> None:
-    """Raises CompstiffError (CS3119) for a log by target numbers that comes back to targets it had left: two passes in one
-    file, whose means would be mixed."""
-    if log.key != "target":
-        return
-    target = log.place.astype(np.intp)
-    furthest = np.maximum.accumulate(target)
-    back = target < furthest - BACK
-    if not back.any():
-        return
-    returned = np.unique(target[back])
-    if len(returned) <= MOST_AGAIN * len(np.unique(target)):
-        return
-    row = int(np.argmax(back))
-    raise error("CS3119", f"the log comes back to {counted(len(returned), 'target')} that it had left, from target "
-                f"{furthest[row]} to {target[row]}: is it of several passes?", file=log.source, line=int(log.line[row]),
-                hint="one pass a file, that of the program that is corrected; rows in the order of time")
 
 
 def _without_offset(mean: Array, zero: Zero, rows: TargetRows) -> Array:
@@ -332,34 +287,41 @@ def _weak(log: ForceLog, path: RobotPath, forces: TargetForces, saturated: Indic
 
 
 def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:
-    """Targets without a sample between targets with force: they stay where they are, and that leaves a step."""
+    """Targets without a sample in the cut, on from one with force or up to one: they stay where they are, and that leaves a
+    step."""
     empty, forced = forces.samples == 0, forces.forced
-    inside = empty[1:-1] & forced[:-2] | empty[1:-1] & forced[2:]
+    run = np.cumsum(np.diff(empty, prepend=False))
+    beside = np.unique(np.concatenate([run[1:][empty[1:] & forced[:-1]], run[:-1][empty[:-1] & forced[1:]]]))
+    inside = np.flatnonzero(empty & np.isin(run, beside) & ~moves_in_air(path.toolpath))
     level: Level = "warning" if 2 * empty.sum() > len(empty) else "note"
     findings = []
     if empty.any():
         findings.append(Finding(
-            "CS3011", level, f"{int(empty.sum())} of {len(empty)} targets got no sample and stay as they are",
+            "CS3011", level, f"{int(empty.sum())} of {counted(len(empty), 'target')} got no sample: left where planned",
             file=log.source, hint="is it the log of this program?" if level == "warning" else ""))
-    if inside.any():
+    if len(inside):
         findings.append(Finding(
-            "CS3012", "warning", f"{counted(int(inside.sum()), 'target')} without a sample next to targets with force: left "
-            "where planned, each is a step in the surface", **_at(path, int(np.argmax(inside)) + 1),
+            "CS3012", "warning", f"{counted(len(inside), 'target')} of the cut without a sample, beside targets with force: "
+            f"left where planned, with a step in the surface at either end: {_listed(inside)}", **_at(path, int(inside[0])),
             hint="log at a higher rate, or check that the log covers the whole cut"))
     return findings
 
 
 def _drifted(mean: Array, path: RobotPath, rows: TargetRows, zero: Zero, forced: NDArray[np.bool_]) -> float:
     """1 sigma [N] of each axis of the sensor's zero after a tare, over the time of the program: what the mean loads (N, 6) of
-    moves at the air feed show beyond their noise, and between them evenly. 0 without a tare, or where that is no drift."""
+    moves at the air feed show beyond their noise, and between them evenly; those that cut all the same are not asked. 0 without
+    a tare, or where that is no drift."""
     in_air = moves_in_air(path.toolpath)
     air = np.flatnonzero(in_air & np.append(in_air[1:], True) & (rows.samples > 0))
     if zero.bias is None or zero.noise is None or not len(air):
         return 0.0
     force = np.linalg.norm(mean[:, :3], axis=1)
     size = force[air]
-    if np.median(size) > min(SMALL, SMALL_SHARE * float(force[forced].max(initial=0.0))):
+    small = min(SMALL, SMALL_SHARE * float(force[forced].max(initial=0.0)))
+    if np.median(size) > small:
         return 0.0
+    # A drift of that middle is at most twice as much anywhere; more is a touch, or a cut that is driven with MoveJ.
+    air, size = air[size <= 2 * small], size[size <= 2 * small]
     noise = np.sum(zero.noise[:3] ** 2) / rows.samples[air]
     drift = np.sqrt(np.maximum(size**2 - noise, 0.0))
     # Samples are time.
@@ -399,5 +361,6 @@ def _in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Findin
         hint = "does the sensor's zero drift, or does a payload turn whose mass cell.yaml does not state?"
     small = np.median(size) < min(SMALL, SMALL_SHARE * float(np.linalg.norm(forces.wrench[:, :3], axis=1).max()))
     return [Finding("CS3041", "note" if small else "warning", f"{len(touched)} of {counted(len(air), 'move')} {where} "
-                    f"show a force, {np.median(size):.1f} N in the middle, and are moved with the others: {why}",
+                    f"{verb(len(touched), 'show')} a force, {np.median(size):.1f} N in the middle, and "
+                    f"{verb(len(touched), 'are')} moved with the others: {why}",
                     file=log.source, line=None, target=int(touched[0]), hint=hint)]

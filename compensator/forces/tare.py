@@ -13,7 +13,7 @@ from compensator.forces.log import ForceLog
 from compensator.forces.payload import TURN, Payload, estimate_payload, interval_factor, turns
 from compensator.forces.still_doubts import said_of_centre, said_of_pull
 from identification.common.arrays import Array, read_only
-from identification.common.findings import Finding, counted, error
+from identification.common.findings import Finding, counted, error, verb
 from identification.common.quantities import two_sigma
 from identification.model.cell import FARTHEST_CENTRE, Cell, ForceLogFrame
 from identification.model.gravity import FREE_FALL, fall_in_base
@@ -201,9 +201,9 @@ def _payload(fall: Array, load: Array, log: ForceLog) -> Payload:
     """The estimate; fall (k, 3) [m/s^2] and load (k, 6) in the log's frame. Raises CompstiffError (CS3034, CS3042)."""
     payload = estimate_payload(fall, load, has_moment=_has_moment(load, log))
     if payload is None:
-        raise error("CS3034", f"{counted(len(load), 'orientation')} that turn the sensor against gravity by "
-                    f"{np.degrees(turns(fall)[0]):.1f} deg (RMS) do not tell its payload from its bias; "
-                    f"{np.degrees(TURN):.1f} deg are needed", file=log.source,
+        raise error("CS3034", f"{counted(len(load), 'orientation')} that {verb(len(load), 'turn')} the sensor "
+                    f"against gravity by {np.degrees(turns(fall)[0]):.1f} deg (RMS) {verb(len(load), 'do')} not tell its "
+                    f"payload from its bias; {np.degrees(TURN):.1f} deg are needed", file=log.source,
                     hint="add still readings with the spindle tilted, best by 90 deg and to both sides")
     if payload.negative:
         raise error("CS3042", f"the payload would be {payload.mass:.2f} kg: forces point up where they should point down",
@@ -236,7 +236,8 @@ def _doubts(payload: Payload, readings: _StillReadings, log: ForceLog) -> list[F
                                 "kg (2 sigma) is not told from none: none is written", file=log.source,
                                 hint="does the log have its weight removed already?"))
     if payload.centre is None and _has_moment(readings.load, log) and share <= NO_WEIGHT:
-        findings.append(Finding("CS3044", "warning", f"the centre of mass is not estimated: {orientations} orientations, the "
+        findings.append(Finding("CS3044", "warning", f"the centre of mass is not estimated: "
+                                                     f"{counted(orientations, 'orientation')}, the "
                                 f"least turn {np.degrees(payload.turn[1]):.1f} deg over two directions", file=log.source,
                                 hint="tilt the spindle about a second axis too, three orientations or more"))
     force_std = payload.mass_std * FREE_FALL

@@ -78,6 +78,11 @@ def _differs_within(tared: TaredLog, tare: Sequence[Range]) -> list[Finding]:
         off = np.linalg.norm(mean - np.median(mean[inside], axis=0), axis=1)
         worst = int(np.argmax(np.where(inside, off, -1.0)))
         if off[worst] > max(IN_AIR * off.max(), LEAST_FORCE, SURELY * error_of[worst]):
+            if inside.sum() == 2:
+                # Both are as far from their middle: which of them cuts is not known.
+                (one, other), apart = seen[inside], np.linalg.norm(np.diff(mean[inside], axis=0))
+                return [_holds_a_cut(tared, f"the targets {one} and {other} of --tare are not both in air: their forces are "
+                                     f"{apart:.1f} N apart, the largest force of the log is {off.max():.1f} N")]
             return [_holds_a_cut(tared, f"the targets {first} to {last} of --tare are not all in air: target {seen[worst]} "
                                  f"shows {off[worst]:.1f} N more than the middle of them, the largest force of the log is "
                                  f"{off.max():.1f} N")]

@@ -23,27 +23,31 @@ from identification.model.rotations import Frame
 # A log whose quiet targets show less than this share of a weight does not hold it, if taking it off leaves them the rest.
 NOT_IN_LOG = 0.2
 NOTHING = (np.zeros((0, 3)), np.zeros((0, 3)))
+# A noise told by fewer degrees of freedom is not taken by them alone: by four it may be told three times too small.
+FEW = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Air:
     """Samples of air stretches. mean (k, 6) [N, N m] and fall (k, 3) [m/s^2] of each stretch, log frame; noise (6,) of one
-    sample as the mean of many shows it."""
+    sample as the mean of many shows it; samples: how many there are."""
 
     mean: Array
     fall: Array
     noise: Array
+    samples: float
 
 
 @dataclass(frozen=True, eq=False)
 class Zero:
     """offset (N, 6) as logged at each target without contact; bias (6,) in it, None where none is known; noise (6,) of one
-    sample, None without a tare."""
+    sample, None without a tare; tared: the number of samples that the bias is the mean of."""
 
     offset: Array
     bias: Array | None
     noise: Array | None
     findings: tuple[Finding, ...]
+    tared: float = np.inf
 
     def __post_init__(self) -> None:
         read_only(*(array for array in (self.offset, self.bias, self.noise) if array is not None))
@@ -113,13 +117,16 @@ def zero_of(
         mean = rows.mean(loads[:, :3] - bias[:3])
         findings.append(_weighed(log, form, mass, mean[seen], held[seen, :3], tared=air is not None))
     known = air is not None or form.bias is not None
-    return Zero(held + bias, bias if known else None, None if air is None else air.noise, tuple(findings))
+    return Zero(held + bias, bias if known else None, None if air is None else air.noise, tuple(findings),
+                np.inf if air is None else air.samples)
 
 
 def _air(log: ForceLog, loads: Array, rows: TargetRows, fall: Array, tare: Sequence[Range]) -> Air:
     """Means over the stretches. The noise is such that sigma of a mean of n samples is noise / sqrt(n), correlation between
-    neighbours included: from up to 32 consecutive batches."""
-    means, falls, squares, degrees = [], [], np.zeros(6), 0
+    neighbours included: from up to 32 consecutive batches; where those are few the scatter of the samples themselves, which
+    such a correlation hides from, stands in for what is missing to FEW."""
+    means, falls, squares, degrees, scatter = [], [], np.zeros(6), 0, np.zeros(6)
+    rest, total = 0, 0.0
     for first, last in tare:
         if last >= len(fall):
             raise error("CS3006", f"--tare {first}:{last} names targets beyond the program, which has "
@@ -134,11 +141,15 @@ def _air(log: ForceLog, loads: Array, rows: TargetRows, fall: Array, tare: Seque
         means.append(np.average(load, axis=0, weights=samples))
         falls.append(np.average(fall[rows.target[inside]], axis=0, weights=samples))
         batches = np.array_split(np.arange(len(inside)), min(32, max(len(inside) // 4, 1)))
+        scatter += samples @ (load - means[-1]) ** 2
+        rest, total = rest + len(inside) - 1, total + float(samples.sum())
         if len(batches) > 1:
             each = np.array([np.average(load[batch], axis=0, weights=samples[batch]) for batch in batches])
             squares += ((each - each.mean(axis=0)) ** 2).sum(axis=0) * samples.sum() / len(batches)
             degrees += len(batches) - 1
-    return Air(np.array(means), np.array(falls), np.sqrt(squares / max(degrees, 1)))
+    missing = max(FEW - degrees, 0)
+    noise = np.sqrt((squares + missing * scatter / max(rest, 1)) / (degrees + missing))
+    return Air(np.array(means), np.array(falls), noise, total)
 
 
 def _answered(doubts: list[Finding], *, trusted: bool) -> list[Finding]:

@@ -27,7 +27,7 @@ from compensator.modbus.transfer import (
 from compensator.modbus.windows import ROBOT_PATIENCE_S, push_windows
 from compensator.modbus.wire import ROUNDING_UM, OffsetTable, to_micrometres
 from identification.common import audit
-from identification.common.findings import CompstiffError, Finding, Interrupted, Refused
+from identification.common.findings import CompstiffError, Finding, Interrupted, Refused, counted
 from identification.model.cell import Cell
 from identification.model.controller import check_rapid
 
@@ -117,8 +117,8 @@ class PushResult:
         if change["same"]:
             return [f"active table: {header.name}, {header.rows} rows: this one, nothing differs"]
         return [f"active table: {header.name}, {header.rows} rows: {change['rows_changed']} of {change['rows_in_both']} "
-                f"common rows differ, by up to {change['largest_change_mm']:.3f} mm; {change['rows_only_new']} rows are new, "
-                f"{change['rows_only_active']} go"]
+                f"common rows differ, by up to {change['largest_change_mm']:.3f} mm; {counted(change['rows_only_new'], 'row')} "
+                f"new, {change['rows_only_active']} go"]
 
 
 def push(

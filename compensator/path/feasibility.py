@@ -291,7 +291,7 @@ def _assumed(driven: Feasibility) -> list[Finding]:
     count = len(toolpath)
     cusps = int((legs.stop & legs.linear & (legs.corner >= SHARPEST) & (toolpath.zone > 0)).sum())
     text = (f"the limits are the speeds and accelerations of the robot file {path.cell.robot.name}; zones are driven as "
-            f"parabolas; {counted(int((legs.stop & legs.linear).sum()), 'linear move')} end at rest"
+            f"parabolas; at rest behind {counted(int((legs.stop & legs.linear).sum()), 'linear move')}"
             + (f", {cusps} of them in a corner sharper than {np.degrees(SHARPEST):.0f} deg" if cusps else "")
             + f"; {counted(int(legs.joint.sum()), 'move')} by joint angles timed, not judged by feed")
     findings = [Finding("CS4403", "note", text, file=str(path.cell.robot.source))]

@@ -12,7 +12,7 @@ from compensator.path.arc_length import arc_length
 from compensator.path.external_axes import ExternalAxes, external_axes, resting_object
 from compensator.toolpath import Move, ToolFrame, Toolpath, WorkObject
 from identification.common.arrays import read_only
-from identification.common.findings import Finding, Level
+from identification.common.findings import Finding, Level, counted
 from identification.model.cell import Cell
 from identification.model.inverse import Solutions, configuration, configured_solution, inverse, nearest_solution, one_branch
 from identification.model.kinematics import chunks, forward
@@ -281,8 +281,8 @@ def _follow(
     if differs.any():
         first = turned[np.argmax(differs)]
         findings.append(Finding(
-            "CS4002", "note", f"{int(differs.sum())} targets name another configuration (cf1 cf4 cf6) than the one linear "
-            "moves arrive in; the continuous one was used", file=toolpath.source, line=int(toolpath.line[first]),
+            "CS4002", "note", f"{counted(int(differs.sum()), 'target')} with another configuration (cf1 cf4 cf6) than the one "
+            f"linear moves arrive in; the continuous one was used", file=toolpath.source, line=int(toolpath.line[first]),
             target=int(first)))
     return findings
 

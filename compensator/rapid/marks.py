@@ -12,7 +12,7 @@ from compensator.rapid.insertion import marked, move_text
 from compensator.rapid.program import RapidProgram
 from compensator.rapid.reader import read_rapid
 from compensator.toolpath import Move
-from identification.common.findings import Finding, error
+from identification.common.findings import Finding, counted, error
 
 Indices = NDArray[np.intp]
 _NAME = re.compile(r"[A-Za-z]\w{0,31}", re.ASCII)
@@ -74,7 +74,8 @@ def with_marks(program: RapidProgram, signal: str) -> tuple[bytes, tuple[Finding
         return program.source.data, (_told(program, there, "sets already"),)
     chosen = _chosen(program)
     if len(chosen) < 2:
-        raise error("CS2053", f"{len(chosen)} targets can be marked, two at least are needed", file=program.source.name,
+        raise error("CS2053", f"{counted(len(chosen), 'target')} can be marked, two at least are "
+                              f"needed", file=program.source.name,
                     hint="MoveL and MoveC without \\V, \\Z, \\Inpos, \\T, \\ID, \\Conc and \\Corr can")
     values = (np.arange(len(chosen)) + 1) % 2
     content = marked(program, chosen, signal, values.tolist())

@@ -23,6 +23,8 @@ _BEHIND_TARGETS = ("speed", "zone", "tool", "signal", "value")
 
 DISPLACEMENT = {"pdispon": True, "pdispset": True, "pdispadd": True, "pdispoff": False}
 """Instructions that switch a program displacement on or off."""
+SOFT_SERVO = {"softact": True, "softdeact": False, "cssact": True, "cssdeactmovel": False, "fcact": True, "fcdeact": False}
+"""Instructions that let the controller give way under load, or hold again: soft servo, its Cartesian kind, force control."""
 AXIS_OFFSET = {"eoffson": True, "eoffsset": True, "eoffsoff": False}
 """Instructions that switch an offset of the external axes on or off."""
 UNIT_SWITCH = {"actunit": True, "deactunit": False}

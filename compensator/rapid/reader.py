@@ -60,11 +60,15 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     external = external[setting] if not np.isnan(external).all() else np.broadcast_to(np.nan, (count, 6))
     line, column = locate(source, np.asarray(scanned.start, dtype=np.int64))
     column = held_once(column)              # a post-processor begins all lines alike
-    displaced = np.array([shift for _, shift in scanned.shifts])[_held(scanned.shifts, count)] & ~absolute
+    displaced = np.array([shift for _, shift in scanned.shifts])[_held(scanned.shifts, count)]
+    soft = np.array([on for _, on in scanned.softened])[_held(scanned.softened, count)]
+    if len(scanned.shifts) + len(scanned.softened) > 2:
+        displaced, soft = displaced | scanned.runs.displaced, soft | scanned.runs.soft
+    displaced = displaced & ~absolute
     offset = np.array([on for _, on in scanned.offsets])[_held(scanned.offsets, count)] & ~np.isnan(external).all(axis=1)
     together = np.array([tail.together for tail in scanned.tails] or [False])[tails.tail]
     places = Places(source, line, column)
-    block, findings = report(scanned, values, rows, tails, places, off, displaced, offset)
+    block, findings = report(scanned, values, rows, tails, places, off, displaced, soft, offset)
     block = held_once(block)
     toolpath = Toolpath(
         source=name, move=move, line=line, column=column, position=position, quaternion=quaternion,

@@ -44,14 +44,16 @@ class Places:
 
 
 def report(
-    scan: Scan, values: Values, rows: Rows, tails: Tails, places: Places, off: Array, displaced: Mask, axes_offset: Mask
+    scan: Scan, values: Values, rows: Rows, tails: Tails, places: Places, off: Array, displaced: Mask, soft: Mask,
+    axes_offset: Mask
 ) -> tuple[NDArray[np.object_], tuple[Finding, ...]]:
     """Reasons (N,) and findings. off (N,): how far the quaternion's sum of squares is off 1; displaced (N,): a program
-    displacement is on; axes_offset (N,): the target drives an external axis while an offset of these is on."""
+    displacement is on; soft (N,): a soft servo is; axes_offset (N,): the target drives an external axis while an offset of
+    these is on."""
     block = np.full(len(off), "", dtype=object)
     findings = _unsettled(rows, places, block)
     findings += _quaternions(tails, places, off, block)
-    findings += _shifted(scan, tails, places, displaced, axes_offset, block)
+    findings += _shifted(scan, tails, places, displaced, soft, axes_offset, block)
     findings += _frames(tails.tools, tails.tool, "tool", "CS2020", "CS2022", places)
     findings += _frames(tails.workobjects, tails.workobject, "work object", "CS2021", "CS2023", places)
     findings += _forgotten_object(scan, tails, places)
@@ -106,7 +108,7 @@ def _quaternions(tails: Tails, places: Places, off: Array, block: NDArray[np.obj
 
 
 def _shifted(
-    scan: Scan, tails: Tails, places: Places, displaced: Mask, axes_offset: Mask, block: NDArray[np.object_]
+    scan: Scan, tails: Tails, places: Places, displaced: Mask, soft: Mask, axes_offset: Mask, block: NDArray[np.object_]
 ) -> list[Finding]:
     findings = []
     corrected = np.array([tail.corrected for tail in scan.tails] or [False])[tails.tail]
@@ -115,6 +117,8 @@ def _shifted(
          "take \\Corr out if the program is to be corrected offline"),
         (displaced, "CS2015", "a program displacement (PDispOn, PDispSet) shifts the move at run time",
          "put the displacement into the work object, or switch it off with PDispOff before the cut"),
+        (soft, "CS2019", "a soft servo or force control (SoftAct, CSSAct, FCAct) lets the robot give way by itself",
+         "cut with a stiff robot: SoftDeact before the cut"),
         (axes_offset, "CS4501", "an offset of the external axes (EOffsOn, EOffsSet) shifts their values at run time",
          "put the offset into the values of the targets, or switch it off with EOffsOff before the cut"),
     ):

@@ -17,7 +17,7 @@ MOTION = re.compile(
 
 # Instructions and functions of the controller that take positions without changing them. Any other routine that is not
 # in this file is taken to change the robtargets handed to it by reference; tools and work objects it is taken to use.
-_HARMLESS = frozenset((
+HARMLESS = frozenset((
     "pdispon", "pdispset", "pdispadd", "eoffson", "eoffsset", "gripload", "return", "raise", "goto", "exit", "retry",
     "trynext", "tpwrite", "write", "connect", "waittime", "waituntil", "waitsynctask", "stop", "set", "reset",
     "setdo", "setao", "setgo", "pulsedo", "moveextj", "confl", "confj", "velset", "accset", "offs", "reltool",
@@ -66,4 +66,4 @@ def changing(names: Names, uses: Uses, routines: Mapping[str, Iterable[Parameter
 def _may_change(argument: Argument) -> bool:
     if argument.routine.startswith("search"):
         return argument.slot == 1                       # the point found is written to the second argument
-    return argument.routine not in _HARMLESS and not MOTION.fullmatch(argument.routine)
+    return argument.routine not in HARMLESS and not MOTION.fullmatch(argument.routine)

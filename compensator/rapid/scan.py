@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from compensator.rapid.calls import Routine, Runs, runs_of
 from compensator.rapid.expressions import Expr
 from compensator.rapid.inline_moves import InlineMoves
 from compensator.rapid.moves import Tail
@@ -23,14 +24,15 @@ class Scan:
 
     start, end: span of the target's expression. rest: offset of its confdata where it is written in numbers, else -1.
     name: number in `spellings` where it is just a name, else -1. `expressions` holds the others by target.
-    scopes, shifts, offsets: (first target, value) from which on the scope holds, the program is displaced, or the external axes
-    are. units: (first target, name of a mechanical unit, whether it is on) of each switch.
+    scopes, shifts, softened, offsets: (first target, value) from which on the scope holds, the program is displaced, its servo
+    soft, or the external axes displaced. units: (first target, name of a mechanical unit, whether it is on) of each switch.
     """
 
     source: Source
     names: Names = field(default_factory=Names)
     uses: Uses = field(default_factory=Uses)
     routines: dict[str, list[Parameter]] = field(default_factory=dict)
+    bodies: list[Routine] = field(default_factory=list)
     move: bytearray = field(default_factory=bytearray)
     start: array[int] = field(default_factory=lambda: array("q"))
     rest: array[int] = field(default_factory=lambda: array("q"))
@@ -42,6 +44,7 @@ class Scan:
     expressions: dict[int, Expr] = field(default_factory=dict)
     scopes: list[tuple[int, Scope]] = field(default_factory=lambda: [(0, Scope(0, -1))])
     shifts: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
+    softened: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     offsets: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     units: list[tuple[int, str, bool]] = field(default_factory=list)
     others: list[tuple[str, int]] = field(default_factory=list)     # further motion instructions: name, offset
@@ -52,6 +55,11 @@ class Scan:
     @property
     def scope(self) -> Scope:
         return self.scopes[-1][1]
+
+    @property
+    def runs(self) -> Runs:
+        """How the program drives its targets."""
+        return runs_of(self.bodies, len(self.move))
 
     def enter(self, scope: Scope) -> None:
         self.scopes.append((len(self.move), scope))

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+from compensator.rapid.calls import Routine, Step
 from compensator.rapid.expressions import Cursor
 from compensator.rapid.lexer import OPERATORS, Token, ends_operand, tokens
-from compensator.rapid.moves import ARGUMENTS, AXIS_OFFSET, DISPLACEMENT, UNIT_SWITCH, parse_move
-from compensator.rapid.runtime import MOTION, Parameter
+from compensator.rapid.moves import ARGUMENTS, AXIS_OFFSET, DISPLACEMENT, SOFT_SERVO, UNIT_SWITCH, parse_move
+from compensator.rapid.runtime import HARMLESS, MOTION, Parameter
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Declaration, Scope
 from compensator.toolpath import Move
@@ -20,6 +21,8 @@ _FOREIGN = frozenset((
     "endproc", "endfunc", "endtrap", "endmodule", "endif", "endfor", "endwhile", "endtest", "proc", "module",
     "movel", "movej", "movec", "moveabsj", "moveldo", "movejdo", "movecdo",
 ))
+# What opens and what closes a block of statements.
+_OPENS, _CLOSES = ("for", "while", "if", "test"), ("endfor", "endwhile", "endif", "endtest")
 _MOVES = {"movel": Move.LINEAR, "movej": Move.JOINT, "moveabsj": Move.ABSOLUTE, "moveldo": Move.LINEAR, "movejdo": Move.JOINT}
 
 
@@ -32,6 +35,7 @@ class Statements:
         self.routine = -1
         self.open_module = -1           # where the module, the routine begins that has not ended yet
         self.open_routine = -1
+        self.blocks: list[str] = []     # those that are open where the pass stands
 
     def unit(self, kind: str, start: int, end: int) -> None:
         if kind in ("module", "endmodule"):
@@ -50,11 +54,23 @@ class Statements:
             self.open_routine = start
             self.scan.enter(Scope(self.module, self.routine))
             self._parameters(tokens(self.scan.source, start, end))
+            self.blocks = []
         elif kind == "endroutine":
             self.open_routine = -1
             self.scan.enter(Scope(self.module, -1))
         elif kind == "condition":
-            self.scan.uses.reads(tokens(self.scan.source, start, end)[1:], self.scan.scope)
+            words = tokens(self.scan.source, start, end)
+            self.scan.uses.reads(words[1:], self.scan.scope)
+            if words[0].word in _OPENS:
+                self.blocks.append(words[0].word)
+            if words[0].word == "for":
+                self._step("for", start)
+        elif kind == "word":
+            word = tokens(self.scan.source, start, end)[0].word
+            if word in _CLOSES and self.blocks:
+                self.blocks.pop()
+            if word == "endfor":
+                self._step("endfor", start)
         elif kind == "statement":
             self._statement(tokens(self.scan.source, start, end))
 
@@ -78,6 +94,7 @@ class Statements:
         """`PROC name(type a, \\switch b | PERS tooldata c, ...)`: every parameter is data of the routine."""
         at = next((i for i, word in enumerate(words) if word.word == "("), len(words) - 1)
         name = words[at - 1].word
+        self.scan.bodies.append(Routine(name, len(self.scan.move)))
         parameters = self.scan.routines.setdefault(name, [])
         group: list[Token] = []
         optional, position = False, 0
@@ -118,10 +135,19 @@ class Statements:
             elif not uses.assignment(words, scope):
                 self._call(words)
 
+    def _step(self, name: str, start: int) -> None:
+        if self.scan.bodies and self.scan.scope.routine >= 0:
+            branch = "if" in self.blocks or "test" in self.blocks
+            self.scan.bodies[-1].steps.append(Step(len(self.scan.move), name, start, branch))
+
     def _call(self, words: list[Token]) -> None:
         name = words[0].word
+        if name in DISPLACEMENT or name not in HARMLESS:
+            self._step(name, words[0].start)
         if name in DISPLACEMENT:
             self.scan.shifts.append((len(self.scan.move), DISPLACEMENT[name]))
+        elif name in SOFT_SERVO:
+            self.scan.softened.append((len(self.scan.move), SOFT_SERVO[name]))
         elif name in AXIS_OFFSET:
             self.scan.offsets.append((len(self.scan.move), AXIS_OFFSET[name]))
         elif name in UNIT_SWITCH:
@@ -141,7 +167,9 @@ class Statements:
             depth += (word.word in ("(", "[", "{")) - (word.word in (")", "]", "}"))
             if (at > 1 and not depth and word.kind == "name" and word.word not in OPERATORS and ends_operand(before)):
                 self.scan.uses.reads(words[1:at], self.scan.scope)
+                self.blocks.append("if")
                 self._statement(words[at:])
+                self.blocks.pop()
                 return
         self.scan.uses.reads(words[1:], self.scan.scope)
 

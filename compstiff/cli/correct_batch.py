@@ -56,7 +56,7 @@ def correct_batch(
             results.append(result)
             _show(session, result)
     if signals and len(results) < len(batch):
-        findings = (Finding("CS6011", "error", f"interrupted: {len(results)} of {counted(len(batch), 'program')} were dealt "
+        findings = (Finding("CS6011", "error", f"interrupted: {len(results)} of {counted(len(batch), 'program')} dealt "
                             "with, no further one was begun"),)
     code = INTERRUPTED if findings else worst([result.code for result in results])
     statuses = [result.status for result in results]

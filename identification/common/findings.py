@@ -18,6 +18,10 @@ Level = Literal["error", "warning", "note"]
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
 
+# Verbs that do not take an s behind one.
+SINGULAR = {"are": "is", "were": "was", "have": "has", "do": "does"}
+
+
 def printable(text: str) -> str:
     """Text of a file or of its name for a terminal: control characters, but for line ends and tabs, as their numbers."""
     return _CONTROL.sub(lambda match: f"\\x{ord(match[0]):02x}" if ord(match[0]) < 256 else f"\\u{ord(match[0]):04x}", text)
@@ -108,9 +112,14 @@ def error(
     return CompstiffError(Finding(code, "error", message, file=file, line=line, column=column, target=target, hint=hint))
 
 
-def counted(number: int, noun: str) -> str:
-    """"1 sample", "2 samples"."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """"1 sample", "2 samples"; with the verb "are": "1 sample is", "2 samples are"."""
+    return f"{number} {noun if number == 1 else f'{noun}s'}{f' {verb(number, plural)}' if plural else ''}"
+
+
+def verb(number: int, plural: str) -> str:
+    """The verb that goes with a number: "is" or "are", "shows" or "show"."""
+    return plural if number != 1 else SINGULAR.get(plural, f"{plural}s")
 
 
 def fold(findings: list[Finding] | tuple[Finding, ...]) -> tuple[Finding, ...]:

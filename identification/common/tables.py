@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
-from identification.common.findings import CompstiffError, Finding, Level, counted, error
+from identification.common.findings import CompstiffError, Finding, Level, counted, error, verb
 from identification.common.header_names import renamed
 from identification.common.sizes import LARGEST_CELL
 from identification.common.workbook import SAVE_AS, is_workbook, sheet_finding, workbook_text
@@ -147,7 +147,7 @@ def check_unique(names: Sequence[str], file: str, line: int) -> None:
     """Raises CompstiffError (CS0202) for a column that stands in the header twice."""
     nameless = sum(not name for name in names)
     if nameless > 1:
-        raise error("CS0202", f"{nameless} of {len(names)} columns have no name", file=file, line=line,
+        raise error("CS0202", f"{nameless} of {len(names)} columns {verb(nameless, 'have')} no name", file=file, line=line,
                     hint="the first row that does not begin with # must name the columns: delete what stands above it")
     twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if twice:

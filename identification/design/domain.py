@@ -146,7 +146,7 @@ def random_pool(domain: Domain, poses: int, rng: np.random.Generator) -> Pool:
     if not all(map(len, pools)):
         empty = next(domain.slots[i].name for i, pool in enumerate(pools) if not len(pool))
         raise error("CS1601", f"of {drawn} random tool orientations at the wanted place none is admissible with a load along "
-                    f"{empty}: {len(theta)} are in reach and inside the joint limits, none also inside the orientation window, "
+                    f"{empty}: {len(theta)} in reach and inside the joint limits, none also inside the orientation window, "
                     "away from singularities and within the sensors' range", file=str(domain.rig.cell.source),
                     hint="move the place with --position, widen --phi, or check tool and design (joint_window_deg, reach_mm) "
                          "in cell.yaml")

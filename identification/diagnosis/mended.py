@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MOMENTS, SIGMAS
 from identification.common.files import sha256
-from identification.common.findings import error
+from identification.common.findings import counted, error
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.judge import NamedMistake
 from identification.measurements import Measurements
@@ -43,7 +43,7 @@ def mended_file(cell: Cell, measurements: Measurements, mistake: NamedMistake) -
     if mistake.candidate.mistake.of == "cell":
         return MendedFile(".yaml", f"{about}\n{_cell_text(cell, mistake)}".encode(), mistake.sentence)
     table, dropped = _mended_rows(cell, measurements, mistake)
-    left_out = f"\n# {dropped} rows are left out" if dropped else ""
+    left_out = f"\n# {counted(dropped, 'row', 'are')} left out" if dropped else ""
     return MendedFile(".csv", f"{about}{left_out}\n{_table_text(table)}".encode(), mistake.sentence)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.files import sha256
-from identification.common.findings import CompstiffError, Finding, error
+from identification.common.findings import CompstiffError, Finding, counted, error
 from identification.common.tables import opened, read_table
 from identification.model.joint_log import JointLog
 
@@ -146,7 +146,7 @@ def check_distinct(logs: Sequence[MotionLog]) -> None:
 
 def _check_time(time: Array, line: NDArray[np.intp] | None, name: str) -> None:
     if len(time) < 2:
-        raise error("CS1501", f"has {len(time)} samples", file=name, hint="a log takes a few seconds of motion")
+        raise error("CS1501", f"has {counted(len(time), 'sample')}", file=name, hint="a log takes a few seconds of motion")
     steps = np.diff(time)
     wrong = np.flatnonzero((steps <= 0) | (np.abs(steps - np.median(steps)) > UNEVEN * np.median(steps)))
     if len(wrong):

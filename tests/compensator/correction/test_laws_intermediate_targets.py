@@ -124,6 +124,30 @@ def test_between_long_targets_the_tool_stays_on_the_plan(tmp_path: Path) -> None
     assert worst_off_the_line(job, path) > 60e-6
 
 
+def test_a_target_between_two_samples_of_a_slow_log_is_corrected_with_its_neighbours(tmp_path: Path) -> None:
+    """Samples 0.3 mm before and behind each target, so that none lies on the target's own short piece, and a force that
+    asks for targets between them: the tool is on the plan at the program's own targets, too. (They had stayed as planned,
+    half a millimetre beside their corrected neighbours, and nobody was told.)"""
+    points = np.array([[3.0 * number, 0, 0] for number in range(41)])
+    s = np.arange(0.3, 120, 0.6)
+    ramp = np.interp(s, [20, 24, 100, 104], [0, 1, 1, 0])
+    rows = "".join(f"{a:.3f},{50 * f:.5f},{250 * f:.5f},{-80 * f:.5f}\n" for a, f in zip(s, ramp, strict=True))
+    path = Path3(points)
+    job = Job(tmp_path, program=path.program(), forces="path_mm,fx_n,fy_n,fz_n\n" + rows)
+    result = job.correct("--json")
+    assert result.code == 0
+    assert "CS4330" in kit.codes(result)
+    written, q = kit.targets_of(job.out.read_text()), path.q[0]
+    planned = [frame.p for frame in path.frames]
+    cut = [place for place in planned if 21 < 1e3 * np.linalg.norm(place - planned[0]) < 103]
+    assert len(cut) == 28
+    for place in cut:
+        command = min(written, key=lambda frame: float(np.linalg.norm(frame.p - place)))
+        force = np.interp(1e3 * np.linalg.norm(place - planned[0]), s, ramp) * np.array([50.0, 250, -80])
+        point, q = off_plan(command, q, np.r_[force, 0, 0, 0])
+        assert distance_from_line(point, planned[0], planned[-1])[0] < 10e-6
+
+
 def test_air_on_a_long_move_is_not_moved(tmp_path: Path) -> None:
     path = Path3(LINES)
     job = Job(tmp_path, program=path.program(), forces=log(160))

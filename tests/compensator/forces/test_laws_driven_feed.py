@@ -13,15 +13,16 @@ from tests.compensator.forces.test_contract_placement import place, plan
 FEED, RATE, COUNT = 100.0, 500.0, 40
 
 
-def driven(folder: Path, speed: np.ndarray, column: str = "path_mm") -> set[str]:
-    """What is said of a log of a straight cut of 390 mm that is driven at `speed` (n,) [mm/s], n equal parts of the way."""
+def driven(folder: Path, speed: np.ndarray, column: str = "path_mm", unit: float = 1.0) -> set[str]:
+    """What is said of a log of a straight cut of 390 mm that is driven at `speed` (n,) [mm/s], n equal parts of the way.
+    unit: how many of the log's time a second has."""
     ends = np.linspace(0, 10.0 * (COUNT - 1), len(speed) + 1)
     time = np.append(0.0, np.cumsum(np.diff(ends) / speed))
     t = np.arange(0, time[-1], 1 / RATE)
     way = np.interp(t, time, ends)
     force = np.array([-40.0, 90, 60]) + np.random.default_rng(2).normal(0, 2, (len(t), 3))
     where = "{:.4f}" if column == "path_mm" else "{:.4f},0,700"
-    rows = [f"{a:.4f},{where.format(b if column == 'path_mm' else 1000 + b)},{x:.3f},{y:.3f},{z:.3f}"
+    rows = [f"{unit * a:.4f},{where.format(b if column == 'path_mm' else 1000 + b)},{x:.3f},{y:.3f},{z:.3f}"
             for a, b, (x, y, z) in zip(t, way, force, strict=True)]
     text = f"time_s,{column},fx_n,fy_n,fz_n\n" + "\n".join(rows) + "\n"
     (folder / "forces.csv").write_text(text)
@@ -35,6 +36,12 @@ def driven(folder: Path, speed: np.ndarray, column: str = "path_mm") -> set[str]
 def test_the_override_is_told(tmp_path: Path, column: str, share: float, said: str) -> None:
     found = driven(tmp_path, np.array([share * FEED]), column)
     assert [said in message for message in found] == ([True] if said else [])
+
+
+@pytest.mark.parametrize(("unit", "named"), [(1e3, "milliseconds"), (1e6, "microseconds")])
+def test_a_time_in_another_unit_is_told_as_such_and_not_as_an_override(tmp_path: Path, unit: float, named: str) -> None:
+    [message] = driven(tmp_path, np.array([0.8 * FEED]), unit=unit)
+    assert f"it seems to be in {named}" in message
 
 
 def test_a_robot_that_slows_down_for_corners_is_left_in_peace(tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ def test_a_marked_target_is_corrected_like_any_other() -> None:
 
 @pytest.mark.parametrize(("text", "signal", "says"), [
     (line(3, 20), "do Mark", "no name of a signal"), (line(3, 20), "1do", "no name of a signal"),
-    (line(1, 20), "doMark", "1 targets can be marked"),
+    (line(1, 20), "doMark", "1 target can be marked"),
     (line(3, 20, "v50\\T:=2,z1,tool0"), "doMark", "0 targets can be marked"),
 ])
 def test_what_cannot_be_marked(text: str, signal: str, says: str) -> None:

@@ -1,0 +1,62 @@
+"""Whether a log is one of this program, and of one pass: which target each row belongs to, and what lies beside the path."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.forces.log import ForceLog
+from compensator.path.arc_length import nearest_target
+from compensator.path.robot_path import RobotPath
+from identification.common.findings import Finding, Level, counted, error
+
+Indices = NDArray[np.intp]
+# A log with more than this share of its samples off the path is that of another program.
+MOST_LOST = 0.9
+# A log comes back to a target where the number falls by more than this, and goes twice over the program with more than this
+# share of its targets; a logger that rounds flickers between neighbours, and a path length between places so near [m].
+BACK, MOST_AGAIN, BACK_BY = 5, 0.1, 5e-3
+
+
+def targets_of(log: ForceLog, path: RobotPath) -> Indices:
+    """Target (M,) of each row, -1 where it is not on the path."""
+    if log.key == "target":
+        return log.place.astype(np.intp)
+    length = path.length
+    known = ~np.isnan(length)
+    if not known.any():
+        raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
+    inside = (log.place >= -1e-3) & (log.place <= np.nanmax(length) + 1e-3)
+    return np.where(inside, nearest_target(length, np.where(inside, log.place, 0.0)), -1)
+
+
+def said_of_lost(log: ForceLog, on: NDArray[np.bool_]) -> list[Finding]:
+    """What is said of samples off the path; on (M,): rows on it. Raises CompstiffError (CS3005) where nearly all are off."""
+    number = int(log.weight.sum())
+    lost = int(log.weight[~on].sum())
+    if lost > MOST_LOST * number:
+        few = "none" if not on.any() else f"only {number - lost}"
+        raise error("CS3005", f"{few} of the {number} samples {'lies' if number - lost < 2 else 'lie'} on this path",
+                    file=log.source, hint="is it the log of this program, with TCP positions in its work object?")
+    if not lost:
+        return []
+    level: Level = "warning" if lost > 0.01 * number else "note"
+    return [Finding("CS3007", level, f"{lost} of {counted(number, 'sample')} not on the path, not used",
+                    file=log.source, line=int(log.line[np.argmin(on)]))]
+
+
+def check_once(log: ForceLog, target: Indices) -> None:
+    """Raises CompstiffError (CS3119) for a log that comes back to targets which it had left: several passes in one file, whose
+    means would be those of none. target (M,): -1 off the path."""
+    rows = np.flatnonzero(target >= 0)
+    number, place = target[rows], log.place[rows]
+    furthest, least = np.maximum.accumulate(number), np.maximum.accumulate(place) - (0 if log.key == "target" else BACK_BY)
+    back = (number < furthest - BACK) & (place < least)
+    returned = np.unique(number[back])
+    if len(returned) <= MOST_AGAIN * len(np.unique(number)):
+        return
+    first = int(np.argmax(back))
+    line = int(log.line[rows[first]])
+    raise error("CS3119", f"the log comes back to {counted(len(returned), 'target')} that it had left, from target "
+                f"{furthest[first]} to {number[first]}: is it of several passes?", file=log.source, line=line,
+                hint="one pass a file, that of the program that is corrected; rows in the order of time")

@@ -1,0 +1,158 @@
+"""The order in which a program drives its moves, by the calls of its routines: which moves are driven more than once, in
+another order than they stand in the text, or under what a caller switched: a displacement, a soft servo.
+
+Told by what the text shows: branches are taken as driven, WHILE as one turn (the cell that waits for the next part), calls by
+name at run time are not followed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
+
+Mask = NDArray[np.bool_]
+# No more calls are followed: routines that call each other double with every level.
+MOST = 20_000
+
+
+class Step(NamedTuple):
+    """A statement that is no move: a call, the switch of a displacement or a soft servo, "for" or "endfor". at: how many
+    targets stand before it in the text; start: its offset; branch: whether it stands in an IF or TEST."""
+
+    at: int
+    name: str
+    start: int
+    branch: bool = False
+
+
+@dataclass(slots=True)
+class Routine:
+    """One routine of the text: its first target and its steps."""
+
+    name: str
+    first: int
+    steps: list[Step] = field(default_factory=list)
+
+
+class Driven(NamedTuple):
+    """Targets first ... stop - 1 as they are driven; start: offset of the call that led there, -1 for none."""
+
+    first: int
+    stop: int
+    displaced: bool
+    soft: bool
+    start: int
+
+
+@dataclass(frozen=True, slots=True)
+class Runs:
+    """One run of a program: its stretches in the order in which they are driven."""
+
+    driven: tuple[Driven, ...]
+    count: int
+
+    @property
+    def displaced(self) -> Mask:
+        """The targets (N,) that a displacement shifts when they are driven."""
+        return self._within(stretch for stretch in self.driven if stretch.displaced)
+
+    @property
+    def soft(self) -> Mask:
+        """The targets (N,) that are driven while the controller gives way."""
+        return self._within(stretch for stretch in self.driven if stretch.soft)
+
+    def _within(self, stretches: Iterable[Driven]) -> Mask:
+        within = np.zeros(self.count, dtype=bool)
+        for stretch in stretches:
+            within[stretch.first:stretch.stop] = True
+        return within
+
+    @property
+    def times(self) -> NDArray[np.intp]:
+        """How often each target (N,) is driven; two stand for several."""
+        change = np.zeros(self.count + 1, dtype=np.intp)
+        for stretch in self.driven:
+            change[stretch.first] += 1
+            change[stretch.stop] -= 1
+        return np.cumsum(change)[:-1]
+
+    def calls_of(self, which: Mask) -> list[int]:
+        """Offsets of the calls that lead to some of the targets `which` (N,), each once, in the order of the run."""
+        return list(dict.fromkeys(stretch.start for stretch in self.driven
+                                  if stretch.start >= 0 and which[stretch.first:stretch.stop].any()))
+
+    def first_back(self, which: Mask) -> Driven | None:
+        """The first stretch with some of the targets `which` (N,) that stands in the text before one driven earlier."""
+        furthest = 0
+        for stretch in self.driven:
+            if which[stretch.first:stretch.stop].any():
+                if stretch.first < furthest:
+                    return stretch
+                furthest = stretch.stop
+        return None
+
+
+def runs_of(routines: list[Routine], count: int) -> Runs:
+    """How the program drives its `count` targets: from its routine main, or from all routines that no other calls."""
+    numbers = {routine.name: number for number, routine in reversed(list(enumerate(routines)))}
+    called = {numbers[step.name] for routine in routines for step in routine.steps if step.name in numbers}
+    roots = [number for number in range(len(routines)) if number not in called]
+    main = numbers.get("main", -1)
+    run = _Run(routines, numbers, count)
+    for root in [main] if main in roots else roots:
+        run.drive(root, -1)
+    return Runs(tuple(run.driven), count)
+
+
+@dataclass(slots=True)
+class _Run:
+    """The state of the program while it is followed."""
+
+    routines: list[Routine]
+    numbers: dict[str, int]
+    count: int
+    displaced: bool = False
+    soft: bool = False
+    calls: int = 0
+    driven: list[Driven] = field(default_factory=list)
+    under_way: list[int] = field(default_factory=list)
+
+    def drive(self, number: int, start: int) -> None:
+        if number in self.under_way or self.calls > MOST:
+            return
+        self.calls += 1
+        routine = self.routines[number]
+        stop = self.routines[number + 1].first if number + 1 < len(self.routines) else self.count
+        self.under_way.append(number)
+        steps = iter([*routine.steps, Step(stop, "endfor", -1)])
+        self._body(steps, routine.first, start)
+        self.under_way.pop()
+
+    def _body(self, steps: Iterator[Step], first: int, start: int) -> int:
+        """Drives on from target `first` to the end of a loop or of the routine, where that target is returned."""
+        in_branches: set[str] = set()
+        for step in steps:
+            if step.at > first:
+                self.driven.append(Driven(first, step.at, self.displaced, self.soft, start))
+            first = step.at
+            if step.name == "endfor":
+                break
+            if step.name == "for":
+                begin = len(self.driven)
+                first = self._body(steps, first, start)
+                self.driven += self.driven[begin:]
+            elif step.name in DISPLACEMENT:
+                self.displaced = DISPLACEMENT[step.name]
+            elif step.name in SOFT_SERVO:
+                self.soft = SOFT_SERVO[step.name]
+            elif step.name in self.numbers and not (step.branch and step.name in in_branches):
+                # Of several branches that call the same routine one is taken.
+                in_branches |= {step.name} if step.branch else set()
+                self.drive(self.numbers[step.name], step.start)
+        return first

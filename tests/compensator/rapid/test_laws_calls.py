@@ -1,0 +1,82 @@
+"""The order in which a program drives its moves, held against programs unrolled by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from compensator.rapid import read_rapid
+from compensator.rapid.calls import Runs
+from tests.compensator.rapid.small_programs import target
+
+
+def runs(**routines: str) -> Runs:
+    """A module of these routines in this order; m moves once, and counts by its place in the text."""
+    number, text = 0, []
+    for name, body in routines.items():
+        while "m;" in body:
+            body = body.replace("m;", f"MoveL {target(number)},v100,z1,tool0;\n", 1)
+            number += 1
+        text.append(f"PROC {name}()\n{body}\nENDPROC\n")
+    return read_rapid(f"MODULE M\n{''.join(text)}ENDMODULE\n".encode()).scan.runs
+
+
+def unrolled(run: Runs) -> list[int]:
+    return [number for stretch in run.driven for number in range(stretch.first, stretch.stop)]
+
+
+@pytest.mark.parametrize(("routines", "driven"), [
+    ({"main": "m;m;"}, [0, 1]),
+    ({"rCut": "m;m;", "main": "rCut;"}, [0, 1]),
+    ({"rCut": "m;m;", "main": "rCut; rCut;"}, [0, 1, 0, 1]),
+    ({"rCut": "m;", "main": "m; rCut; m;"}, [1, 0, 2]),
+    ({"MAIN": "rA; rB;", "rB": "m;", "ra": "m;"}, [1, 0]),
+    ({"main": "rA; rB;", "rA": "m;", "rB": "m; rC;", "rC": "m;"}, [0, 1, 2]),
+    ({"main": "m; FOR i FROM 1 TO 9 DO m; rA; ENDFOR m;", "rA": "m;"}, [0, 1, 3, 1, 3, 2]),
+    ({"main": "FOR i FROM 1 TO 2 DO FOR j FROM 1 TO 2 DO m; ENDFOR m; ENDFOR"}, [0, 0, 1, 0, 0, 1]),
+    ({"main": "WHILE TRUE DO rA; ENDWHILE", "rA": "m;"}, [0]),
+    ({"main": "IF a THEN rA; ELSEIF b THEN rB; ELSE rA; ENDIF", "rA": "m;", "rB": "m;"}, [0, 1]),
+    ({"main": "TEST n CASE 1: rA; CASE 2: rA; rB; ENDTEST rB;", "rA": "m;", "rB": "m;"}, [0, 1, 1]),
+    ({"main": "IF a rA; IF NOT a rA;", "rA": "m;"}, [0]),
+    ({"rA": "m; rA;", "main": "rA;"}, [0]),
+    ({"rA": "m;", "rB": "m;"}, [0, 1]),
+])
+def test_the_moves_as_they_are_driven(routines: dict[str, str], driven: list[int]) -> None:
+    run = runs(**routines)
+    assert unrolled(run) == driven
+    assert run.times.tolist() == [driven.count(number) for number in range(run.count)]
+
+
+@pytest.mark.parametrize(("routines", "displaced"), [
+    ({"rCut": "m;", "main": "m; PDispSet shift; rCut; PDispOff; m;"}, [True, False, False]),
+    ({"main": "m; PDispOn p,t; rCut; PDispOff; m;", "rCut": "m;"}, [False, False, True]),
+    ({"main": "PDispSet shift; rCut;", "rCut": "m; PDispOff; m;"}, [True, False]),
+    ({"rOff": "PDispOff;", "rOn": "PDispSet shift;", "main": "rOn; m; rOff; m;"}, [True, False]),
+    ({"rCut": "m;", "main": "rCut; PDispSet shift; rCut; PDispOff;"}, [True]),
+    ({"rCut": "m;", "main": "PDispSet shift; PDispOff; rCut;"}, [False]),
+])
+def test_a_displacement_goes_along_with_the_calls(routines: dict[str, str], displaced: list[bool]) -> None:
+    assert runs(**routines).displaced.tolist() == displaced
+
+
+@pytest.mark.parametrize(("routines", "soft"), [
+    ({"main": "m; SoftAct 1,50; m; SoftDeact; m;"}, [False, True, False]),
+    ({"rCut": "m;", "main": "m; SoftAct \\MechUnit:=ROB_1,2,30\\Ramp:=100; rCut; SoftDeact;"}, [True, False]),
+    ({"main": "m; FCAct t; m; FCDeact;"}, [False, True]),
+])
+def test_what_is_driven_with_a_soft_servo_stays_as_it_is(routines: dict[str, str], soft: list[bool]) -> None:
+    number, text = 0, ""
+    for name, body in routines.items():
+        text += f"PROC {name}()\n{body}\nENDPROC\n"
+    while "m;" in text:
+        text = text.replace("m;", f"MoveL {target(number)},v100,z1,tool0;\n", 1)
+        number += 1
+    toolpath = read_rapid(f"MODULE M\n{text}ENDMODULE\n".encode()).toolpath
+    assert ["soft servo" in why for why in toolpath.block] == soft
+    assert {finding.code for finding in toolpath.findings if finding.level == "warning"} == {"CS2019"}
+
+
+@pytest.mark.parametrize("last", ["m;", ""])
+def test_routines_that_call_each_other_twice_forty_times_over_end(last: str) -> None:
+    """2 to the power of 40 calls: the order is followed no further than people would."""
+    run = runs(**{f"r{k}": f"r{k + 1}; r{k + 1};" for k in range(40)}, r40=last)
+    assert (run.times > 1).all()
