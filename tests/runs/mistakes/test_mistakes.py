@@ -138,8 +138,9 @@ def test_nothing_is_mended_without_a_mistake(tmp_path: Path) -> None:
 
 
 def test_no_model_comes_from_rows_with_a_mistake(tmp_path: Path) -> None:
-    case = right(13, "irb4400-60")
-    cell, table = MISTAKES["deflections swapped"](case, np.random.default_rng(1))[0].write(tmp_path)
+    """Of a short load test, which is diagnosed twice."""
+    case = right(430004, SHOP)
+    cell, table = MISTAKES["deflections cyclic"](case, np.random.default_rng([430004, 3]))[0].write(tmp_path)
     before = table.read_bytes()
     extended, page = tmp_path / "extended.json", tmp_path / "r.html"
     done = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--extended", extended, "--report", page, *FEW)
