@@ -107,7 +107,7 @@ def test_a_load_under_the_zero_is_found_in_a_short_test(tmp_path: Path, seed: in
 
 
 def test_rows_of_two_robots_are_parted(tmp_path: Path) -> None:
-    cell, table = two_robots(11, "irb6700-200-2.60").write(tmp_path)
+    cell, table = two_robots(12, "irb6700-200-2.60").write(tmp_path)
     found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended.csv")
     assert [mistake["mistake"] for mistake in found["mistakes"]] == ["two_robots"]
     assert "90 rows are left out" in (tmp_path / "mended.csv").read_text().splitlines()[1]
@@ -161,7 +161,7 @@ def test_no_model_comes_from_rows_with_a_mistake(tmp_path: Path) -> None:
 
 def test_another_robot_of_the_same_maker_is_named(tmp_path: Path) -> None:
     """Rows of an IRB 7600 in a cell file that names an IRB 6640: among all of ABB's the right one."""
-    case = replace(right(11, "irb7600-150-3.50"), robot="irb6640-235-2.55")
+    case = replace(right(12, "irb7600-150-3.50"), robot="irb6640-235-2.55")
     cell, table = case.write(tmp_path)
     found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended")
     assert found["verdict"] == "mistake"
