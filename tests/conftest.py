@@ -21,11 +21,11 @@ pytest.register_assert_rewrite("tests.runs.hidden_effects.hide_and_diagnose", "t
 TARE = (0, 2)
 
 # What takes longest is given out first: a process that gets such a file last keeps the other one waiting.
-LONGEST = ("second_cell/test_answers", "runs/hidden_effects/test_structure", "runs/hidden_effects/test_gears",
-           "runs/hidden_effects/test_answers", "runs/hidden_effects/test_guard", "runs/hidden_effects/test_measurement",
-           "tests/test_documentation", "command_line/test_mistakes", "identification/diagnosis", "identification/design",
-           "runs/mistakes", "runs/milling", "identification/fit", "correction/test_laws_engagement",
-           "forces/test_laws_time_alignment", "command_line/test_laws_growth", "command_line/test_init")
+LONGEST = ("runs/mistakes", "second_cell/test_answers", "hidden_effects/test_desk_world", "tests/test_documentation",
+           "command_line/test_mistakes", "fit/test_laws_misfit", "reports/test_contract_browser",
+           "forces/test_laws_time_alignment", "runs/milling", "identification/diagnosis", "runs/hidden_effects",
+           "compstiff/test_contract_front_door", "identification/design", "identification/fit", "compensator/cutting",
+           "batch/test_contract_cluster", "runs/faults", "command_line/test_laws_growth", "command_line/test_init")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

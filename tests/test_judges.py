@@ -1,5 +1,5 @@
-"""What judges the program is independent of it: simulated cells import none of its code, and the README's figures are those of
-the pages that say how they were taken."""
+"""What judges the program is independent of it: simulated cells, the benchmarks' among them, import none of its code, and the
+README's figures are those of the pages that say how they were taken."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ ROOT = Path(__file__).parents[1]
 # Simulations that expected answers come from.
 JUDGES = [*(path for folder in ("virtual_cell", "second_cell") for path in (ROOT / "tests" / folder).glob("*.py")
             if not path.name.startswith("test_")), ROOT / "tests/identification/motion/simulated_joint.py",
-          ROOT / "tests/desk_world.py"]
+          ROOT / "tests/desk_world.py",
+          *(path for author in ("blind", "jury", "third") for path in (ROOT / "benchmarks").glob(f"{author}_*.py"))]
 # A sentence of the README, the page its figures are taken from, and how they stand there.
 FIGURES = (
     (r"of (\d+) causes that the plan can identify at all (\d+) were named right", "docs/benchmarks.md",
@@ -34,7 +35,7 @@ FIGURES = (
 
 
 def packages_of(module: str, code: dict[str, str]) -> set[str]:
-    """The packages of the program that a module of the tests imports, by whatever way."""
+    """The packages of the program that a module imports, by whatever way."""
     found, seen, ahead = set(), set(), [module]
     while ahead:
         here = ahead.pop()
@@ -48,15 +49,20 @@ def packages_of(module: str, code: dict[str, str]) -> set[str]:
     return found
 
 
-def modules_of_tests() -> dict[str, str]:
-    return {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path.read_text(encoding="utf-8")
-            for path in (ROOT / "tests").rglob("*.py")}
+def dotted(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def modules() -> dict[str, str]:
+    """Of tests and benchmarks; these are imported by their bare names, too."""
+    found = {dotted(path): path.read_text(encoding="utf-8") for folder in ("tests", "benchmarks")
+             for path in (ROOT / folder).rglob("*.py")}
+    return found | {name.removeprefix("benchmarks."): code for name, code in found.items() if name.startswith("benchmarks.")}
 
 
 def test_no_judge_imports_what_it_judges() -> None:
-    code = modules_of_tests()
-    judges = {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for path in JUDGES}
-    assert len(judges) > 30
+    code, judges = modules(), {dotted(path) for path in JUDGES}
+    assert len(judges) > 40
     assert {judge: found for judge in judges if (found := packages_of(judge, code))} == {}
     assert not [judge for judge in judges if re.search(r"import_module|__import__", code[judge])]
 

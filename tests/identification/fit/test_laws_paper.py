@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from benchmarks import paper, paper_model
+from benchmarks import paper, paper_model, paper_page, paper_published
 from identification.fit.fit import fit_stiffness
 from identification.model.cell import Cell
 from identification.model.compliance import equilibrium, joint_torque
@@ -67,7 +67,7 @@ def test_equations_1_to_6_by_hand(cell: Cell) -> None:
     many = equilibrium(cell.robot, theta, cell.flange_from_tcp, wrench, 1 / STIFFNESS)
     torque = joint_torque(cell.robot, theta, cell.flange_from_tcp, wrench)
     pose = forward(cell.robot, theta, cell.flange_from_tcp)
-    of_benchmark = paper.one_step(theta, force, 1 / STIFFNESS[None], TCP)[0][0]
+    of_benchmark = paper_model.one_step(theta, force, 1 / STIFFNESS[None], TCP)[0][0]
     for row in range(40):
         deviation, by_eq_5, ideal = by_hand(theta[row], force[row], STIFFNESS)
         assert_allclose(pose.position[row], ideal[:3, 3], atol=1e-13)
@@ -85,7 +85,7 @@ def test_equations_1_to_6_by_hand(cell: Cell) -> None:
 
 def test_table_1_is_the_prior() -> None:
     assert_allclose(robot().prior.stiffness, TABLE_1)
-    assert_allclose(paper.TABLE_1, TABLE_1)
+    assert_allclose(paper_model.TABLE_1, TABLE_1)
 
 
 def test_eq_21_as_printed_is_always_60_degrees() -> None:
@@ -95,14 +95,14 @@ def test_eq_21_as_printed_is_always_60_degrees() -> None:
 
 def test_the_map_is_the_package_s(tmp_path) -> None:
     """eq. 11 and 12: for its own estimate of the noise the package's Gaussian fit is the minimum of the written-out cost."""
-    design = paper.make_design(True)
+    design = paper_model.make_design(True)
     cell = paper.serial_cell(tmp_path)
-    z = paper.readings(design, paper.truths(3, np.random.default_rng(2)), paper.World(at_equilibrium=False),
+    z = paper_model.readings(design, paper_model.truths(3, np.random.default_rng(2)), paper_model.World(at_equilibrium=False),
                        np.random.default_rng(3))
     for data in z:
         found = fit_stiffness(cell, paper.as_measurements(design, data, np.arange(5)), prior_kind="gaussian").posterior
         sensor = 1e-6 * found.components.sensor
-        ours = paper.fit(design.theta, design.force, data[None], design.tool, paper.TABLE_1, sigma=sensor)[0][0]
+        ours = paper_model.fit(design.theta, design.force, data[None], design.tool, paper_model.TABLE_1, sigma=sensor)[0][0]
         # The package fits at equilibrium and with what its noise priors leave of force error and re-seating.
         width = np.sqrt(np.diag(found.laplace))
         assert np.all(np.abs(np.log(ours) + found.map) < 1.0 * width + 2e-3)
@@ -111,31 +111,32 @@ def test_the_map_is_the_package_s(tmp_path) -> None:
 
 def test_the_pattern_of_table_2() -> None:
     """5 searched designs of 40 robots each, X orientations in plane: X leaves joints 1, 4, 6 at Table 1; k2 stays near it."""
-    std = paper.PRIORS["equal"]
+    std = paper_model.PRIORS["equal"]
     for seed in range(5):
         rng = np.random.default_rng(100 + seed)
-        design = paper.make_design(True, seed=seed)
-        assert np.all(np.abs(paper.signed_phi(design.theta, design.tool)) <= paper_model.PHI_MAX)
+        design = paper_model.make_design(True, seed=seed)
+        assert np.all(np.abs(paper_model.signed_phi(design.theta, design.tool)) <= paper_model.PHI_MAX)
         assert np.all(robot().limit_excess(design.theta) == 0)
-        _, _, tcp, _ = paper.frames(paper.serial_angles(design.theta), design.tool)
-        assert_allclose(tcp, np.tile(paper.POSITION, (5, 1)), atol=1e-9)
-        k = paper.truths(40, rng)
-        found = paper.fit_sets(design, paper.readings(design, k, paper.World(), rng), std)
-        assert_allclose(found["X"][:, [0, 3, 5]], np.tile(paper.TABLE_1[[0, 3, 5]], (40, 1)), rtol=1e-6)
-        for data in paper.SETS:                                            # 6.02 against truths a factor 1.65 about it
-            assert np.median(np.abs(found[data][:, 1] / paper.TABLE_1[1] - 1)) < 0.05
-            assert np.max(np.abs(found[data][:, 1] / paper.TABLE_1[1] - 1)) < 0.25
+        _, _, tcp, _ = paper_model.frames(paper_model.serial_angles(design.theta), design.tool)
+        assert_allclose(tcp, np.tile(paper_model.POSITION, (5, 1)), atol=1e-9)
+        k = paper_model.truths(40, rng)
+        found = paper_model.fit_sets(design, paper_model.readings(design, k, paper_model.World(), rng), std)
+        assert_allclose(found["X"][:, [0, 3, 5]], np.tile(paper_model.TABLE_1[[0, 3, 5]], (40, 1)), rtol=1e-6)
+        for data in paper_model.SETS:                                            # 6.02 against truths a factor 1.65 about it
+            assert np.median(np.abs(found[data][:, 1] / paper_model.TABLE_1[1] - 1)) < 0.05
+            assert np.max(np.abs(found[data][:, 1] / paper_model.TABLE_1[1] - 1)) < 0.25
         for data, joints in (("X", [2, 4]), ("Y", [0, 3, 4, 5]), ("all", [0, 2, 3, 4, 5])):
-            assert np.median(paper.factor(found[data], k)[:, joints], axis=0).max() < 1.1
+            assert np.median(paper_page.factor(found[data], k)[:, joints], axis=0).max() < 1.1
         # Noise as stated never gives the published factors in k6 and k1.
-        assert paper.ratios(found)[:, :2].max() < 1.5
+        assert paper_published.ratios(found)[:, :2].max() < 1.5
 
 
 def test_the_covariances_of_table_2() -> None:
     """eq. 13 at Table 1: X far above all, Y close to all, all never above either; k2 unseen at the height of axis 2."""
-    std = paper.PRIORS["equal"]
+    std = paper_model.PRIORS["equal"]
     for seed in range(5):
-        x, y, whole = (paper.covariance(paper.make_design(True, seed=seed), data, paper.TABLE_1, std) for data in paper.SETS)
+        design = paper_model.make_design(True, seed=seed)
+        x, y, whole = (paper_model.covariance(design, data, paper_model.TABLE_1, std) for data in paper_model.SETS)
         for matrix in (x, y, whole):
             assert matrix[1, 1] > 0.9                                      # prior variance 1
         assert_allclose(np.diag(x)[[0, 3, 5]], 1.0)
@@ -147,8 +148,8 @@ def test_the_covariances_of_table_2() -> None:
         # Without k2 far more than an order.
         assert np.trace(x) - x[1, 1] > 1000 * (np.trace(whole) - whole[1, 1])
     # Off that height an order in the whole trace, k2 then being seen by X.
-    high = paper.make_design(True, position=np.array([1.4, 0.0, 1.2]))
-    x, _, whole = (paper.covariance(high, data, paper.TABLE_1, std) for data in paper.SETS)
+    high = paper_model.make_design(True, position=np.array([1.4, 0.0, 1.2]))
+    x, _, whole = (paper_model.covariance(high, data, paper_model.TABLE_1, std) for data in paper_model.SETS)
     assert np.trace(x) > 10 * np.trace(whole)
 
 
@@ -156,36 +157,37 @@ def test_the_package_says_that_x_says_nothing_of_joints_1_4_and_6(tmp_path) -> N
     cell = paper.serial_cell(tmp_path)
     for seed in range(2):
         rng = np.random.default_rng(seed)
-        design = paper.make_design(True, seed=seed)
-        z = paper.readings(design, paper.truths(1, rng), paper.World(), rng)[0]
+        design = paper_model.make_design(True, seed=seed)
+        z = paper_model.readings(design, paper_model.truths(1, rng), paper_model.World(), rng)[0]
         for kind in ("gaussian", "lognormal"):
             model = fit_stiffness(cell, paper.as_measurements(design, z, design.rows("X")), prior_kind=kind).model
             assert [model.grades[joint] for joint in (0, 3, 5)] == 3 * ["not identifiable"]
             # The log-normal posterior's mean is of weighted draws.
-            assert_allclose(model.stiffness[[0, 3, 5]], paper.TABLE_1[[0, 3, 5]], rtol=1e-6 if kind == "gaussian" else 0.05)
+            prior = paper_model.TABLE_1[[0, 3, 5]]
+            assert_allclose(model.stiffness[[0, 3, 5]], prior, rtol=1e-6 if kind == "gaussian" else 0.05)
             assert model.grades[4] == "reliable"
 
 
 def test_validation_at_other_poses() -> None:
     """As Fig. 4: the literature's values worst, Y and all best; all beats Y for nearly every robot with a true model."""
     rng = np.random.default_rng(8)
-    k = paper.truths(60, rng)
-    design = paper.make_design(True)
-    found = paper.fit_sets(design, paper.readings(design, k, paper.World(), rng), paper.PRIORS["equal"])
+    k = paper_model.truths(60, rng)
+    design = paper_model.make_design(True)
+    found = paper_model.fit_sets(design, paper_model.readings(design, k, paper_model.World(), rng), paper_model.PRIORS["equal"])
     errors = {name: np.median(np.sqrt(np.sum(value**2, axis=1)))
-              for name, value in paper.validation_errors(found, k, paper.World(), rng).items()}
+              for name, value in paper_page.validation_errors(found, k, paper_model.World(), rng).items()}
     assert errors["deviation itself"] > errors["literature"] > errors["X"] > 5 * errors["Y"] > 5 * errors["all"]
 
 
 def test_an_effect_that_the_page_names_moves_the_readings() -> None:
-    design = paper.make_design(True)
-    truth = paper.TRUTH[None]
+    design = paper_model.make_design(True)
+    truth = paper_model.TRUTH[None]
 
-    def quiet(world: paper.World) -> np.ndarray:
-        return paper.readings(design, truth, replace(world, noise_m=1e-12), np.random.default_rng(0))
+    def quiet(world: paper_model.World) -> np.ndarray:
+        return paper_model.readings(design, truth, replace(world, noise_m=1e-12), np.random.default_rng(0))
 
-    plain = quiet(paper.World())
-    for name, world in paper.WORLDS.items():
+    plain = quiet(paper_model.World())
+    for name, world in paper_published.WORLDS.items():
         if name.startswith(("(d)", "(e)", "all", "the same")):
             assert 2e-6 < np.abs(quiet(world) - plain).max() < 2e-3, name
 
@@ -215,12 +217,12 @@ def test_the_page_is_what_the_benchmark_writes() -> None:
     written = page[page.index("## 1. "):page.index("## 5. ")]
     for one, other in zip(written.strip().split("\n"), again.strip().split("\n"), strict=True):
         assert same(one, other), f"run python benchmarks/paper.py\nwritten: {one}\nnow:     {other}"
-    assert "\n".join(paper.conclusions()).strip() in page
+    assert "\n".join(paper_published.conclusions()).strip() in page
     rows = {line.split(" | ")[0].removeprefix("| "): line for line in page[page.index("## 5. "):].split("\n") if " | " in line}
-    design = paper.make_design(True)
+    design = paper_model.make_design(True)
     for name in ("(a) the same, torque at equilibrium", "(e) base rocks and shifts"):
-        assert same(rows[name], "| " + " | ".join(paper.world_row(design, name, paper.WORLDS[name])) + " |")
-    for name in paper.WORLDS:
+        assert same(rows[name], "| " + " | ".join(paper_published.world_row(design, name, paper_published.WORLDS[name])) + " |")
+    for name in paper_published.WORLDS:
         assert name in rows
     published = [f"**{value}**" for value in (31.6, 3.1, 2.6, 4.1)]
     assert rows["**published, Table 2**"].split(" | ")[1:5] == published

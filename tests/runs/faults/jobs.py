@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from benchmarks.fuzz_doors import LVM, OFFSETS
+from benchmarks.fuzz_files import LVM, OFFSETS
 from benchmarks.unbreakable import APT, CELL, sound_files
 from tests.runs.command_line.workshop import Workshop, workshop
 

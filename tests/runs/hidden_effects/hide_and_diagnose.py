@@ -58,9 +58,13 @@ def diagnose(folder: Path, *options: str) -> tuple[Mapping[str, Any], Mapping[st
     return json.loads(written.read_text()), json.loads(extended.read_text())
 
 
-@cache
 def run(seed: int, *hidden: Hidden, design: str = "ladder12", straight_tool: bool = False) -> Run:
-    """One case, diagnosed; the same object for the same arguments."""
+    """One case, diagnosed; the same object for the same arguments, in whichever way they are written."""
+    return _kept(seed, hidden, design, straight_tool)
+
+
+def run_anew(seed: int, hidden: tuple[Hidden, ...] = (), design: str = "ladder12", straight_tool: bool = False) -> Run:
+    """One case, diagnosed; nothing is kept of it."""
     tool = Tool(tcp=(0.0, 0.0, 0.25)) if straight_tool else None
     case = simulate(seed, design, hidden, validation=VALIDATION_POSES, tool=tool)
     with tempfile.TemporaryDirectory() as name:
@@ -71,6 +75,9 @@ def run(seed: int, *hidden: Hidden, design: str = "ladder12", straight_tool: boo
         informed = oracle(cell, measurements, case) if hidden else None
         left = None if informed is None else squares_left(measurements, informed)
     return Run(case, content, extended, left)
+
+
+_kept = cache(run_anew)
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from identification.fit.posterior import posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
-from tests.runs.hidden_effects import hide_and_diagnose as kit
-from tests.runs.hidden_effects.hide_and_diagnose import complaints
+from tests.runs.hidden_effects.hide_and_diagnose import complaints, run_anew
 from tests.runs.hidden_effects.judge import Answer, judge
 from tests.runs.hidden_effects.places import GEARS, MEASUREMENT
 from tests.virtual_cell.cell import simulate
@@ -45,7 +44,7 @@ def mutated(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> list[str]:
     """What the suite says of SHOWN with parts of the procedure replaced; nothing is kept of this run."""
     for name, value in changes.items():
         monkeypatch.setattr(procedure, name, value)
-    return complaints(kit.run.__wrapped__(SHOWN.seed, SHOWN.hidden))
+    return complaints(run_anew(SHOWN.seed, (SHOWN.hidden,)))
 
 
 def test_the_suite_rejects_a_diagnosis_with_shuffled_names(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -109,7 +109,7 @@ def test_a_load_under_the_zero_is_found_in_a_short_test(tmp_path: Path, seed: in
 
 
 def test_rows_of_two_robots_are_parted(tmp_path: Path) -> None:
-    cell, table = two_robots(11, "irb6700-200-2.60").write(tmp_path)
+    cell, table = two_robots(12, "irb6700-200-2.60").write(tmp_path)
     found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended.csv")
     assert [mistake["mistake"] for mistake in found["mistakes"]] == ["two_robots"]
     assert "90 rows are left out" in (tmp_path / "mended.csv").read_text().splitlines()[1]
@@ -140,8 +140,9 @@ def test_nothing_is_mended_without_a_mistake(tmp_path: Path) -> None:
 
 
 def test_no_model_comes_from_rows_with_a_mistake(tmp_path: Path) -> None:
-    case = right(13, "irb4400-60")
-    cell, table = MISTAKES["deflections swapped"](case, np.random.default_rng(1))[0].write(tmp_path)
+    """Of a short load test, which is diagnosed twice."""
+    case = right(430004, SHOP)
+    cell, table = MISTAKES["deflections cyclic"](case, np.random.default_rng([430004, 3]))[0].write(tmp_path)
     before = table.read_bytes()
     extended, page = tmp_path / "extended.json", tmp_path / "r.html"
     done = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--extended", extended, "--report", page, *FEW)
@@ -162,7 +163,7 @@ def test_no_model_comes_from_rows_with_a_mistake(tmp_path: Path) -> None:
 
 def test_another_robot_of_the_same_maker_is_named(tmp_path: Path) -> None:
     """Rows of an IRB 7600 in a cell file that names an IRB 6640: among all of ABB's the right one."""
-    case = replace(right(11, "irb7600-150-3.50"), robot="irb6640-235-2.55")
+    case = replace(right(12, "irb7600-150-3.50"), robot="irb6640-235-2.55")
     cell, table = case.write(tmp_path)
     found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended")
     assert found["verdict"] == "mistake"
