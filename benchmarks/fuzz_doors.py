@@ -360,6 +360,11 @@ NAMED = f"""MODULE Part
 ENDMODULE
 """
 
+def whole_lines(text: str) -> bytes:
+    """The lines that stand whole in the first 3000 characters."""
+    return text[:3000].rpartition("\n")[0].encode() + b"\n"
+
+
 def doors(folder: Path) -> dict[str, Door]:
     """All doors by name. folder: where the sound cell is put."""
     files = sound_files()
@@ -374,8 +379,8 @@ def doors(folder: Path) -> dict[str, Door]:
         Door("table", ".csv", (TABLE.encode(),), CSV_WORDS, posted, {}),
         Door("cell", ".yaml", (CELL.encode(), (ROOT / "samples/cell.yaml").read_bytes()), YAML_WORDS, cell_file, YAML_GRAMMAR),
         Door("robot", ".yaml", tuple(path.read_bytes() for path in robots[:3]), YAML_WORDS, robot_file, {}),
-        Door("measurements", ".csv", (of["measurements.csv"][:3000], (ROOT / "samples/measurements.csv").read_bytes()[:3000]),
-             CSV_WORDS, measurements, {}),
+        Door("measurements", ".csv", tuple(map(whole_lines, (files["measurements.csv"], (
+            ROOT / "samples/measurements.csv").read_text()))), CSV_WORDS, measurements, {}),
         Door("workbook", ".xlsx", (_workbook(),), CSV_WORDS, measurements, {}),
         Door("parquet", ".parquet", (_parquet(),), CSV_WORDS, force_log, {}),
         Door("stiffness", ".json", (of["stiffness.json"],), JSON_WORDS, stiffness, {}),
