@@ -33,6 +33,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 import numpy as np
 
 from benchmarks.fuzz_doors import Door, doors
+from benchmarks.fuzz_load_tests import doors_of_load_tests
 from benchmarks.unbreakable import BYTES, NUMBER, VALUES
 from identification.common.findings import CompstiffError
 
@@ -220,7 +221,7 @@ def main() -> int:
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, resource.RLIM_INFINITY))
     folder = chosen.state / "work"
     folder.mkdir(parents=True, exist_ok=True)
-    every = doors(folder)
+    every = doors(folder) | {door.name: door for door in doors_of_load_tests()}
     state = State(chosen.state, every if chosen.door is None else {name: every[name] for name in chosen.door})
     until = time.monotonic() + chosen.seconds
     print(f"seed {chosen.seed}, from run {sum(state.runs.values())}, {len(state.doors)} doors, in {chosen.state}", flush=True)

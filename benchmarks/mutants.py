@@ -1,10 +1,12 @@
 """Mutation testing: single tokens of the packages changed at random, each judged by the cheapest tests that reach its line.
 
     python benchmarks/reached.py STATE/map -q                          # once: who reaches what; Python 3.12 or newer
-    python benchmarks/mutants.py [--each 6] [--seed 0] [--only REGEX] [--state STATE] [--budget 60] [--processes 1] [--report]
+    python benchmarks/mutants.py [--each 6] [--seed 0] [--only REGEX] [--since COMMIT] [--state STATE] [--budget 60]
+                                    [--processes 1] [--report]
 
 What is changed: operators, comparisons, `and`/`or`, `min`/`max`, `all`/`any`, signs, numbers, True and False, a return of
-nothing, `continue`/`break`, a `not`. As many are drawn from each room, in turns, so that a run that is cut short is even too.
+nothing, `continue`/`break`, a `not`. As many are drawn from each room, in turns, so that a run that is cut short is even too;
+with --since only of lines that the commit did not have.
 Each is made in a copy of the tree. Tests that reach its statement judge it, those of its own room first, then all others, the
 cheapest first, until they would take --budget seconds of the processor; for a statement outside functions (a limit, a table)
 those that reach a line which names what it sets. A test that fails notices it, and is tried once on the tree as it is, where
@@ -263,10 +265,26 @@ def judged(tree: Path, mutant: Mutant, known: Map, budget: float) -> dict[str, o
             "seconds": round(time.monotonic() - begun, 1)}
 
 
+def new_lines(commit: str) -> dict[str, set[int]]:
+    """File -> lines that stand in the tree and not in the commit."""
+    told = subprocess.run(["git", "diff", "-U0", "--no-renames", commit, "--", *PACKAGES], cwd=ROOT, check=True,
+                          capture_output=True, text=True).stdout
+    lines: dict[str, set[int]] = collections.defaultdict(set)
+    name = ""
+    for file, first, count in re.findall(r"^\+\+\+ b/(.*)$|^@@ .*?\+(\d+)(?:,(\d+))? @@", told, re.MULTILINE):
+        name = file or name
+        if first:
+            lines[name] |= set(range(int(first), int(first) + int(count or 1)))
+    return lines
+
+
 def drawn(chosen: argparse.Namespace) -> list[Mutant]:
     """`each` of every room, the first of each, then the second of each, and so on."""
     files = [file for package in PACKAGES for file in sorted((ROOT / package).rglob("*.py"))]
     every = [mutant for file in files for mutant in mutants_of(file) if re.search(chosen.only, mutant.file)]
+    if chosen.since:
+        new = new_lines(chosen.since)
+        every = [mutant for mutant in every if mutant.line in new.get(mutant.file, ())]
     rooms: dict[str, list[Mutant]] = collections.defaultdict(list)
     for k in np.random.default_rng(chosen.seed).permutation(len(every)):
         rooms[every[k].room].append(every[k])
@@ -283,6 +301,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=1e9, help="begin no further mutant after this time")
     parser.add_argument("--only", default="")
+    parser.add_argument("--since", default="", metavar="COMMIT", help="only of lines that are new since")
     parser.add_argument("--budget", type=float, default=60.0)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--state", type=Path, default=Path(tempfile.gettempdir()) / "compstiff-mutants")

@@ -48,6 +48,10 @@ class Watched:
         monitoring.register_callback(monitoring.COVERAGE_ID, monitoring.events.LINE, self.line)
         monitoring.set_events(monitoring.COVERAGE_ID, monitoring.events.LINE)
 
+    def close(self) -> None:
+        """No more calls: what runs while Python ends is nobody's."""
+        sys.monitoring.set_events(sys.monitoring.COVERAGE_ID, 0)               # type: ignore[attr-defined,unused-ignore]
+
     def line(self, code: Any, number: int) -> Any:
         """Called once for a line until `again`."""
         if code.co_flags & inspect.CO_OPTIMIZED and code.co_filename.startswith(self.prefixes):
@@ -121,6 +125,9 @@ class Plugin:
                 stream.write(json.dumps({"test": item.nodeid, "seconds": round(own, 3), "shared": round(shared, 3),
                                          "set_up": round(self.apart, 3), "wall": round(time.monotonic() - begun, 3),
                                          "passed": self.passed, "lines": by_file(lines)}) + "\n")
+
+    def pytest_unconfigure(self) -> None:
+        self.watched.close()
 
 
 def pytest_configure(config: Any) -> None:
