@@ -292,74 +292,6 @@ def codes(findings: Any) -> tuple[str, ...]:
     return tuple(sorted({finding.code for finding in findings}))
 
 
-# ---- sound files ---------------------------------------------------------------------------------------------------------
-
-
-def _joint_log() -> str:
-    t = np.arange(400) / 250.0
-    angle, torque = 20 * np.sin(3 * t), 300 * np.cos(2 * t)
-    rows = "\n".join(f"{a:.4f},{b:.5f},{c:.5f},{d:.3f}" for a, b, c, d in
-                     zip(t, angle, angle - 1e-4 * torque, torque, strict=True))
-    return "time_s,q2_motor_deg,q2_link_deg,q2_torque_nm\n" + rows + "\n"
-
-
-def _learned(folder: Path) -> str:
-    from compensator.learned.learned import DRIFT, SETUP
-
-    robot, count = cell(folder).robot, 6 + SETUP + DRIFT + 3
-    return json.dumps({
-        "format": "compstiff-learned", "version": 1, "robot": robot.name, "robot_sha256": robot.sha256,
-        "geometry_sha256": robot.geometry_sha256, "told": {}, "springs": 6,
-        "job": {"position_mm": [900, 50, 400], "quaternion": [1, 0, 0, 0], "centre_mm": [600, 20, 5], "radius_mm": 60,
-                "duration_s": 30},
-        "remainder": {"length_mm": 40, "amplitude_um": 12, "places_mm": [[600, 20, 5]], "posture_deg": [[1, 2, 3, 4, 5, 6]]},
-        "prior": [-14.0] * 6, "mean": [0.01] * count,
-        "covariance": [[0.0] * row + [1e-4] for row in range(count)]}, indent=1)
-
-
-DIAGNOSIS = json.dumps({
-    "format": "compstiff-diagnosis", "version": 1, "robot": ROBOT, "verdict": "ambiguous",
-    "alternatives": [{"effect": "backlash", "joint": 2}, {"effect": "soft_zone", "joint": 3}],
-    "causes": [{"parameters": {"single_row": {"estimate": 4}}}], "visits": {"bad": [{"rows": [1, 2]}]}}, indent=1)
-LVM = ("LabVIEW Measurement\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\nMulti_Headings\tNo\n"
-       "X_Columns\tOne\n***End_of_Header***\n\nChannels\t3\nSamples\t4\t4\t4\nY_Unit_Label\tN\tN\tN\nX0\t0\t0\t0\n"
-       "Delta_X\t0.001\t0.001\t0.001\n***End_of_Header***\nX_Value\tFx\tFy\tFz\tComment\n"
-       + "".join(f"{k / 1000}\t{k}.5\t-{k}\t{3 * k}\n" for k in range(4)))
-METALLICADOUR = "".join(",".join(f"{(k * c) % 7 - 3.25:.3f}" for c in range(12)) + "\n" for k in range(60))
-NET_FT = b"".join(struct.pack(">IIIiiiiii", k, 7 * k, 0, 10**6 * k, -k, 5, 1, 2, 3) for k in range(20))
-JOURNAL = ('{"format": "compstiff-watch", "version": 1, "time": "2026-01-01T00:00:00+00:00", "event": "begun", '
-           '"program": "a.mod", "key": "k", "outputs": ["a.mod", "a.csv"]}\n'
-           '{"event": "done", "program": "a.mod", "key": "k", "exit_code": 0}\n')
-POINTS = "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,std_um\n10,20,-1,5,,-7,3\n11,20,-1,6,2,-8,4\n"
-NORMALS = "x_mm,y_mm,z_mm,nx,ny,nz,dn_um,target\n10,20,-1,0,0.6,0.8,12,\n11,20,-1,0,0,1,-4,7\n"
-OFFSETS = "# compstiff\ntarget,ox_mm,oy_mm,oz_mm\n" + "".join(f"{k},0.0{k},-0.1,0.002\n" for k in range(6))
-NAMED = f"""MODULE Part
-  CONST robtarget p10:=[[600.1,20,5],[0,1,0,0],[0,0,0,0],{E}];
-  LOCAL PERS robtarget p20:=[[610,20,5],[0,1,0,0],[0,0,0,0],{E}];
-  CONST robtarget pts{{2}}:=[p10,[[4,5,6],[1,0,0,0],[0,0,0,0],{E}]];
-  CONST robtarget p30:=p10;
-  VAR num n:=1;
-  PROC main()
-    VAR robtarget p40:=[[620,20,5],[0,1,0,0],[0,0,0,0],{E}];
-    MoveJ p10,v100,fine,tool0;
-    MoveL p20,v50,z1,tool0;
-    MoveL P20,v50,z1,tool0; ! again
-    MoveL p40,v50,z1,tool0\\WObj:=wobj0;
-    MoveC p30,pts{{2}},v50,z1,tool0;
-    MoveL Offs(p10,0,0,50),v50,z1,tool0;
-    MoveL RelTool(p20,1,2,3\\Rz:=90),v50,z1,tool0;
-    MoveL pts{{n}},v50,z1,tool0;
-    MoveAbsJ [[1,2,3,4,5,6],{E}],v50,z1,tool0;
-    TriggL p20,v50,gun,z1,tool0;
-    IF n>1 MoveL p10,v50,z1,tool0;
-    sub p10;
-  ENDPROC
-  PROC sub(robtarget p)
-    MoveL p,v50,z1,tool0;
-  ENDPROC
-ENDMODULE
-"""
-
 def whole_lines(text: str) -> bytes:
     """The lines that stand whole in the first 3000 characters."""
     return text[:3000].rpartition("\n")[0].encode() + b"\n"
@@ -379,14 +311,10 @@ def doors(folder: Path) -> dict[str, Door]:
         Door("table", ".csv", (TABLE.encode(),), CSV_WORDS, posted, {}),
         Door("cell", ".yaml", (CELL.encode(), (ROOT / "samples/cell.yaml").read_bytes()), YAML_WORDS, cell_file, YAML_GRAMMAR),
         Door("robot", ".yaml", tuple(path.read_bytes() for path in robots[:3]), YAML_WORDS, robot_file, {}),
-        Door("measurements", ".csv", (of["measurements.csv"][:3000], (ROOT / "samples/measurements.csv").read_bytes()[:3000]),
-             CSV_WORDS, measurements, {}),
-        Door("workbook", ".xlsx", (workbook(),), CSV_WORDS, measurements, {}),
-        Door("parquet", ".parquet", (parquet(),), CSV_WORDS, force_log, {}),
         Door("measurements", ".csv", tuple(map(whole_lines, (files["measurements.csv"], (
             ROOT / "samples/measurements.csv").read_text()))), CSV_WORDS, measurements, {}),
-        Door("workbook", ".xlsx", (_workbook(),), CSV_WORDS, measurements, {}),
-        Door("parquet", ".parquet", (_parquet(),), CSV_WORDS, force_log, {}),
+        Door("workbook", ".xlsx", (workbook(),), CSV_WORDS, measurements, {}),
+        Door("parquet", ".parquet", (parquet(),), CSV_WORDS, force_log, {}),
         Door("stiffness", ".json", (of["stiffness.json"],), JSON_WORDS, stiffness, {}),
         Door("forces", ".csv", (of["forces.csv"], of["along.csv"]), CSV_WORDS, force_log, {}),
         Door("offsets", ".csv", (OFFSETS.encode(),), CSV_WORDS, offsets, {}),
