@@ -202,7 +202,9 @@ class Procedure:
             found = self.named(judgement)
             if found.log_odds is not None and found.log_odds >= CERTAINLY:
                 return found
-            if far > FAR_OFF and found.verdict != "mistake":
+            if far > FAR_OFF and found.verdict == "mistake":
+                return found
+            if far > FAR_OFF:
                 return replace(found, verdict="unknown", withdrawn={}, patterns=(FAR_IN_WORDS.format(far), *found.patterns))
         unseen = beyond_the_fit(plain)
         return judgement if unseen is None else replace(judgement, verdict="mistake", mistakes=(unseen,))

@@ -213,8 +213,10 @@ class Look:
 
 
 def log_lost(data: LoadTest, mended: LoadTest, per_unit: Array | float = 1.0) -> float:
-    """ln of how likely the readings of rows are that a mended table leaves out, as draws from all; per_unit (n, 3) [1/m]."""
-    lost = np.isnan(mended.rows.deflection).all(axis=1, keepdims=True) & ~np.isnan(data.rows.deflection)
+    """ln of how likely the readings are that a mended table leaves out, as draws from all; per_unit (n, 3) [1/m]."""
+    before, after = ~np.isnan(data.rows.deflection), ~np.isnan(mended.rows.deflection)
+    # A reading that is in another column than before is not lost.
+    lost = before & ~after & (after.sum(axis=1) < before.sum(axis=1))[:, None]
     if not lost.any():
         return 0.0
     taken = np.maximum((~np.isnan(data.rows.deflection)).sum(axis=0), 1)

@@ -19,6 +19,8 @@ STEPS = "a row holds the whole load and all that the tool moved since the unload
 SIGNS = "hold two rows with opposite loads against the sheet that was written at the robot"
 # First readings without a load that are so many times their noise from zero, over all poses, are none that was taken off.
 UNLIKE_SEATING = 10.0
+# Readings of so many visits that are all the largest, to so many times the sensor's noise, are the end of a gauge's travel.
+FEW_VISITS, AT_THE_END = 3, 3.0
 # What the large hand of a dial gauge counts in one turn [m] (engineering judgement: a hundred divisions of 1, 5 or 10 um, or
 # two hundred of 1 um).
 TURNS = (1e-4, 2e-4, 5e-4, 1e-3)
@@ -52,7 +54,13 @@ def reading_mistakes(data: LoadTest) -> list[Mistake]:
     if np.nanmin(rows.deflection, initial=0.0) >= 0:
         found.append(table_mistake("deflections_unsigned", "the deflections seem to be written without their signs in {rows}",
                                    SIGNS, lambda other: {"deflection": _mended(other, _signed)}))
-    largest = np.nanmax(np.abs(rows.deflection), initial=0.0)
+    largest = float(np.nanmax(np.abs(rows.deflection), initial=0.0))
+    stopped = _at_the_end(data, largest)
+    if len(np.unique(rows.visit[stopped.any(axis=1)])) >= FEW_VISITS:
+        found.append(table_mistake(
+            "readings_clipped", f"{stopped.sum()} readings of {1e6 * largest:.0f} um, the largest in {{rows}}, seem to be the "
+            "end of the gauges' travel", "push a gauge to its end by hand and read it: what is that large is no reading",
+            lambda other: {"deflection": np.where(_at_the_end(other, largest), np.nan, other.rows.deflection)}))
     found += [lacking for turn in TURNS if 0.5 * turn < largest < turn
               and _share((lacking := _lacking(turn)).mended(data).rows.deflection != rows.deflection, loaded) >= SOME]
     return found
@@ -67,6 +75,12 @@ def _far_from_zero(data: LoadTest, first: NDArray[np.intp]) -> bool:
     read = ~np.isnan(rows.deflection[first])
     usual = np.broadcast_to(np.fmax(noise.deflection, noise.pose_offset if noise.offset_stated else USUAL_OFFSET_M), read.shape)
     return bool(read.any()) and rms(rows.deflection[first][read] / usual[read]) > UNLIKE_SEATING
+
+
+def _at_the_end(data: LoadTest, largest: float) -> NDArray[np.bool_]:
+    """Readings (n, 3) that are no smaller than the largest, but for the sensor's noise."""
+    noise = np.fmax(np.nan_to_num(data.rows.sigma), data.cell.noise.deflection)
+    return np.nan_to_num(np.abs(data.rows.deflection)) > largest - AT_THE_END * noise
 
 
 def _lacking(turn: float) -> Mistake:

@@ -159,6 +159,21 @@ def test_what_was_written_otherwise_is_put_back(name: str, column: str, robot: s
     assert np.mean(np.abs(np.nan_to_num(mended - wanted)) > off / 2) < 0.05
 
 
+def test_gauges_at_their_end_read_nothing(tmp_path: Path) -> None:
+    """What stopped them is left out, and no other reading."""
+    files = right(31, "irb6640-235-2.55")
+    spoiled, (key,) = MISTAKES["gauges at their end"](files, np.random.default_rng(8))
+    data = _read(spoiled, tmp_path)
+    (mistake,) = [each for each in reading_mistakes(data) if each.key == key]
+    mended = 1e6 * mistake.mended(data).rows.deflection
+    stopped = np.abs(files.moved) > np.abs(spoiled.moved)
+    assert stopped.sum() >= 3
+    assert np.isnan(mended[stopped]).all()
+    assert_allclose(mended[~np.isnan(mended)], spoiled.moved[~np.isnan(mended)])
+    # Of readings as large as that, but for the sensor's noise, nobody knows.
+    assert np.isnan(mended).sum() <= stopped.sum() + 3
+
+
 def test_a_zero_of_one_reference_is_not_taken_off(tmp_path: Path) -> None:
     """What the tool is off by at a pose, from a reference taken elsewhere, is no gauge's stand."""
     spoiled, _ = MISTAKES["readings raw"](right(31), np.random.default_rng(8))

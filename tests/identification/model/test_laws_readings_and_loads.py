@@ -91,6 +91,40 @@ def test_friction_takes_from_a_load_that_grows_and_adds_to_one_that_is_taken_off
     assert not law("load_friction").missing(rows)
 
 
+def test_a_curve_takes_another_share_of_large_loads() -> None:
+    """Two weights read one by one, and both: the readings do not add up by twice their product."""
+    rows = loaded(forces([300.0, 500.0, 800.0, 0.0], np.array([0.0, 0.0, -1.0])), poses=1)
+    true = law("force_curve").true_wrench(rows, None, np.array([0.1]))
+    assert true is not None
+    assert_allclose(true[:, 2], [-309.0, -525.0, -864.0, 0.0])
+    assert law("force_curve").missing(loaded(forces([300.0, 0.0, -310.0], np.array([1.0, 0, 0])), poses=1))
+    assert not law("force_curve").missing(rows)
+
+
+def test_what_has_play_lies_where_the_load_pushes_it() -> None:
+    """Across the tool to the side of the force; tilted by the moment about the flange, of which a point farther out sees more.
+    As far under a small load as under a large one, and by halves where it hardly goes over."""
+    rows = loaded(forces([400.0, 40.0, -40.0, 10.0, 0.0], np.array([1.0, 2.0, 2.0])), poses=1)
+    moved = law("tool_play").contribution(rows, None, np.array([2e-5]))
+    axis, force = rows.tool[:, :, 2], rows.wrench[:, :3]
+    across = force - axis * np.einsum("ni,ni->n", axis, force)[:, None]
+    way = across / np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
+    assert_allclose(moved[:3, :3], 2e-5 * way[:3], atol=1e-9)
+    assert_allclose(moved[2], -moved[1], atol=1e-8)
+    assert_allclose(moved[3, :3], 2e-5 * across[3] / 20.0, atol=1e-9)
+    assert_allclose(moved[4], 0.0)
+    assert_allclose(moved[:, 3:], 0.0)
+    tilted = law("tool_play.tilting").contribution(rows, None, np.array([1e-4]))
+    arm = rows.tcp - rows.origins[:, 5]
+    for n in (0, 2):
+        # Work is done by the load, about an axis across flange z, by the whole half gap.
+        assert_allclose(np.linalg.norm(tilted[n, 3:]), 1e-4, rtol=1e-6)
+        assert abs(tilted[n, 3:] @ rows.flange[n, :, 2]) < 1e-12
+        assert_allclose(tilted[n, :3], np.cross(tilted[n, 3:], arm[n]), atol=1e-9)
+        moment = np.cross(np.cross(arm[n], force[n]), rows.flange[n, :, 2])
+        assert tilted[n, :3] @ force[n] > 0.99 * 1e-4 * np.linalg.norm(moment)
+
+
 def test_a_hook_adds_its_weight_to_each_load_and_to_none_else() -> None:
     rows = loaded(np.concatenate([forces([0.0, 100, 250, -50], np.array([1.0, 2, 2])), DRAWN]))
     true = law("hook_weight").true_wrench(rows, None, np.array([15.0]))

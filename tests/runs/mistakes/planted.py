@@ -292,6 +292,12 @@ def _turns(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...
     return replace(case, moved=np.sign(case.moved) * (np.abs(case.moved) % turn)), ("readings_turns",)
 
 
+def _at_the_end(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...]]:
+    """Gauges that go no farther than two thirds of what the largest deflection would be."""
+    end = np.nanmax(np.abs(case.moved)) / 1.5
+    return replace(case, moved=np.clip(case.moved, -end, end)), ("readings_clipped",)
+
+
 def _third_with_second(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...]]:
     """q3 as the angle to another link than the controller's."""
     theta = case.theta.copy()
@@ -313,7 +319,7 @@ MISTAKES: dict[str, Plant] = {
     "forces in lbf": _scaled("force", 1 / 4.44822, "unit"), "forces in kN": _scaled("force", 1e-3, "unit"),
     "readings raw": _raw, "readings stepwise": _stepwise("moved", "readings"), "forces stepwise": _stepwise("force", "forces"),
     "forces unsigned": _unsigned("force", "forces"), "deflections unsigned": _unsigned("moved", "deflections"),
-    "turns not counted": _turns, "q3 with q2": _third_with_second,
+    "turns not counted": _turns, "gauges at their end": _at_the_end, "q3 with q2": _third_with_second,
     "deflections in mm": _scaled("moved", 1e-3, "unit"), "deflections in mil": _scaled("moved", 1 / 25.4, "unit"),
 }
 

@@ -66,6 +66,16 @@ def test_a_mistake_is_named_and_mended(tmp_path: Path, name: str, robot: str, se
     assert np.all(np.abs(off[known]) < 0.08), off
 
 
+def test_a_mistake_that_heavy_tails_would_hide_is_named(tmp_path: Path) -> None:
+    """Few readings at the end of their gauges count for so little that the detection sees nothing, and leave fifty times what
+    the noise allows: the answer had been `adequate`."""
+    case = right(10, "irb4400-60")
+    end = np.sort(np.abs(case.moved).ravel())[-9]
+    found = diagnosed(tmp_path, *replace(case, moved=np.clip(case.moved, -0.7 * end, 0.7 * end)).write(tmp_path))
+    assert found["verdict"] == "mistake"
+    assert [mistake["mistake"] for mistake in found["mistakes"]] == ["readings_clipped"]
+
+
 @pytest.mark.parametrize(("robot", "seed"), [("irb4400-60", 5600001), ("irb6640-235-2.55", 5600006)])
 def test_a_tcp_that_is_off_is_no_soft_spindle(tmp_path: Path, robot: str, seed: int) -> None:
     """20 mm of one coordinate, little more than the noise, which visits share. A load under which nothing was zeroed had

@@ -1,0 +1,61 @@
+"""Something between flange and tool tip has play: it lies on the side to which the load pushes it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.common.arrays import Array
+from identification.model.effects.base import Effect, Parameter
+from identification.model.load_state import LoadState
+
+# A force [N] and a moment [N m] from which on what has play has gone over (engineering judgement: they overcome its friction).
+GOES_OVER_N, GOES_OVER_NM = 20.0, 5.0
+
+
+class _Play(Effect):
+    """What the laws have in common."""
+
+    name = "tool_play"
+    family = "tool"
+    of_robot = True
+    of_tool = True
+    formula_source = "engineering judgement: a body in a round seat lies at its edge, where the load pushes it"
+    settles = "push the tool to and fro by hand with a dial gauge at the spindle nose, then at the tool"
+
+
+class Tilting(_Play):
+    """Rotation by half the play about the flange, as the load's moment across flange z turns it: a tool changer that is not
+    locked, a mount whose bolts have worked loose."""
+
+    law = "tilting"
+    parameters = (Parameter("half_gap_rad", "rad", 5e-5, 0.0, 3e-3,
+                            source="engineering judgement: 10 um across the 200 mm of a changer's seat",
+                            bounds_source="engineering judgement: none, to what is seen by eye"),)
+    sentence = "the tool tilts to and fro on the flange, by the play of its changer or its mount"
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        axis, pivot = rows.flange[:, :, 2], rows.origins[:, 5]
+        moment = rows.moment_about(pivot)
+        across = moment - axis * np.sum(axis * moment, axis=1, keepdims=True)
+        return rows.turned(pivot, values[0] * _towards(across, GOES_OVER_NM))
+
+
+class ToolPlay(_Play):
+    """Half the play, in the direction of the force across tool z: a worn spindle bearing, a holder that does not sit."""
+
+    other_laws = (Tilting(),)
+    parameters = (Parameter("half_gap_m", "m", 1e-5, 0.0, 5e-4,
+                            source="engineering judgement: a worn spindle bearing has 5 to 20 um",
+                            bounds_source="engineering judgement: none, to what is felt by hand"),)
+    sentence = "tool or spindle have play: the tool lies on the side to which the load pushes it"
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        axis, force = rows.tool[:, :, 2], rows.wrench[:, :3]
+        across = force - axis * np.sum(axis * force, axis=1, keepdims=True)
+        return np.concatenate([values[0] * _towards(across, GOES_OVER_N), np.zeros_like(across)], axis=1)
+
+
+def _towards(pull: Array, goes_over: float) -> Array:
+    """Unit vectors (n, 3) along a pull, shorter where it is too small to go over."""
+    size = np.linalg.norm(pull, axis=1, keepdims=True)
+    return np.asarray(pull / np.maximum(size, 1e-300) * np.minimum(size / goes_over, 1.0))
