@@ -22,6 +22,7 @@ from compensator.learning.refusals import refuse_without_physics, refuse_worse, 
 from compensator.learning.rows import rows_of
 from compensator.learning.shifted import said_of_shift
 from compensator.learning.terms import Terms
+from compensator.learning.wrong_axes import refuse_wrong_axes
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
 from identification.model.cell import Cell
@@ -65,6 +66,8 @@ def learn(
     if chosen.logged_with:
         offsets = read_offsets(chosen.logged_with, predicted.path)
     offsets = offsets[predicted.targets]
+    told = rows.seen(predicted.prediction.position)[:, 0]
+    refuse_wrong_axes(rows, rows.value - rows.seen(offsets)[:, 0], told, points.source)
     wide = Estimate(1.0, max(MOTION, cell.motion.compliance_std))
     motion = wide if chosen.scale == EXACTLY_ONE else chosen.scale
     mean, before = _before(model, motion, cell)

@@ -111,7 +111,8 @@ class Scale:
     """Measured against predicted deviation, over places and components that have both. share: of the mean square of the
     measured deviation that the prediction took away as it stands (negative: it added), share_scaled with the scale.
     with_constant: the scale where a constant per axis is fitted beside it, constant_um that constant; constant_shown: it is
-    there, and not small."""
+    there, and not small. other_axes: those along which the readings seem to be (identification/common/other_axes.py), "": the
+    stated ones."""
 
     points: int
     scale: float
@@ -126,6 +127,7 @@ class Scale:
     constant_shown: bool
     blocks: int
     short: bool
+    other_axes: str = ""
 
     @property
     def shown(self) -> bool:
@@ -142,7 +144,7 @@ class Scale:
         """--scale as `correct` takes it, with its standard error; also where 1 will do, which tells that the moving robot gives
         way as at rest. Empty where none can be told."""
         value = self.advised
-        if value is None and self.shown and not self.constant_shown and self.interval and (
+        if value is None and self.shown and not self.constant_shown and not self.other_axes and self.interval and (
                 self.interval[0] <= 1 <= self.interval[1]):
             value = 1.0
         return "" if value is None or self.std is None else f"--scale {value:g}:{max(self.std, 1e-3):.2g}"
@@ -151,6 +153,8 @@ class Scale:
     def advised(self) -> float | None:
         """The scale to correct with: None where 1 will do, or where none can be advised."""
         if not self.shown or self.constant_shown or self.interval is None or self.interval[0] <= 1 <= self.interval[1]:
+            return None
+        if self.other_axes:
             return None
         return round(self.scale, 3) if SANE_SCALE[0] <= self.scale <= SANE_SCALE[1] else None
 

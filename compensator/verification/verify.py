@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal
@@ -13,8 +13,9 @@ from compensator.verification.comparison import SANE_SCALE, SMALL, WORSE_SIGMAS,
 from compensator.verification.predicted_deviation import predicted_at
 from compensator.verification.readings import Indices, Readings, pair, read_readings
 from identification.common.added_targets import read_added
-from identification.common.arrays import Array
+from identification.common.arrays import Array, rms
 from identification.common.findings import Finding, counted, error
+from identification.common.other_axes import along_other_axes
 from identification.model.cell import Cell
 
 # What readings in another unit are of those in micrometres.
@@ -111,7 +112,9 @@ def verify(
     if predicted_file is not None:
         predicted, more = predicted_at(before, Path(predicted_file), cell, within, in_object=frame == "workobject")
         scale, axis_scales = _scales(before, predicted, predicted_file)
-        findings += [*more, *_scale_findings(scale, axis_scales, before.source)]
+        axes, said = _other_axes(before, predicted, cell, in_object=frame == "workobject")
+        scale = replace(scale, other_axes=axes)
+        findings += [*more, *said, *_scale_findings(scale, axis_scales, before.source)]
     findings += _comparison_findings(comparison, after.source)
     over = 0 if tolerance_um is None else int((1e6 * after.size > tolerance_um).sum())
     if over:
@@ -140,6 +143,25 @@ def _scales(before: Readings, predicted: Array, predicted_file: str | Path) -> t
     axes = enumerate(before.axes) if len(before.axes) > 1 else ()
     by_axis = {name: estimate_scale(before.deviation[:, [axis]], predicted[:, [axis]]) for axis, name in axes}
     return overall, {name: scale for name, scale in by_axis.items() if scale is not None}
+
+
+def _other_axes(before: Readings, predicted: Array, cell: Cell, *, in_object: bool) -> tuple[str, list[Finding]]:
+    """The axes along which the deviation measured before follows the predicted far better, with a warning (CS6050); "": the
+    stated ones."""
+    if before.deviation.shape[1] < 3:
+        return "", []
+    known = ~np.isnan(before.deviation).any(axis=1) & ~np.isnan(predicted).any(axis=1)
+    turn = (cell.world_from_base.inverse() @ cell.world_from_object).rotation
+    name, frame = ("the base frame (--frame base)", turn.T) if in_object else ("the work object (--frame workobject)", turn)
+    told = predicted[known]
+    found = along_other_axes(before.deviation[known], told, {name: told @ frame}, rms(before.sigma[known]))
+    if found is None:
+        return "", []
+    axes, left, as_is = found
+    return axes, [Finding("CS6050", "warning", f"the readings are off as is predicted, but along other axes: {axes}, which "
+                          f"would leave {1e6 * left:.1f} um in place of {1e6 * as_is:.1f}", file=before.source,
+                          hint="are the columns along the axes that --frame says, measured minus planned? Or are the axes of "
+                          "the force log wrong?")]
 
 
 def _comparison_findings(comparison: Comparison, source: str) -> list[Finding]:

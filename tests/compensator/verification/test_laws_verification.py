@@ -257,6 +257,22 @@ def test_what_a_scale_does_not_mend_is_said(passes: dict[str, Path], name: str, 
     assert code in {finding["code"] for finding in json.loads(result.stdout)["findings"]}
 
 
+@pytest.mark.parametrize(("name", "options", "said"), [
+    ("mirrored", (), "x with the other sign"), ("before", ("--frame", "workobject"), "the base frame (--frame base)"),
+    ("before", (), ""), ("shifted", (), ""), ("places", ("--frame", "workobject"), "")])
+def test_readings_along_other_axes_are_told_and_no_scale_is_advised(
+    passes: dict[str, Path], name: str, options: tuple[str, ...], said: str
+) -> None:
+    result = verify(passes["cell"], passes[name], passes["places" if name == "places" else "after"], "--predicted",
+                    passes["predicted"], *options, "--json")
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    told = [finding["message"] for finding in document["findings"] if finding["code"] == "CS6050"]
+    assert [said in message for message in told] == ([True] if said else [])
+    if said:
+        assert document["result"]["predicted"]["advised_scale"] is None
+
+
 @pytest.mark.parametrize(("factor", "said"), [(1.08, False), (1.25, True)])
 def test_axes_that_differ_by_a_few_per_cent_need_no_word(
     passes: dict[str, Path], tmp_path: Path, factor: float, said: bool

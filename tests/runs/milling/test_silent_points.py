@@ -21,13 +21,17 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> ErringJob:
     return ErringJob(tmp_path_factory.mktemp("part"), 53271, part=slot_and_pocket(3.0), motion=1.1)
 
 
-def told(job: ErringJob, points: Path, *words: object) -> set[str]:
+def learned(job: ErringJob, points: Path, *words: object) -> kit.Run:
     model = job.springs("springs.json", job.case.stiffness)
     log = job.folder / "part.forces.csv"
     if not log.exists():
         job.log(job.first, job.planned, log.name)
-    done = kit.run("learn", job.cell, job.program, points, "--stiffness", model, "--forces", log, "--tare", "0:2", "-o",
+    return kit.run("learn", job.cell, job.program, points, "--stiffness", model, "--forces", log, "--tare", "0:2", "-o",
                    job.folder / "learned.json", "--force", "--json", *words)
+
+
+def told(job: ErringJob, points: Path, *words: object) -> set[str]:
+    done = learned(job, points, *words)
     assert done.code == 0, done
     return kit.codes(done) & {"CS5327", "CS5328", "CS5329", "CS6047"}
 
@@ -66,3 +70,16 @@ def test_deviations_that_were_shifted_against_their_places(job: ErringJob, by: i
     values[:, 3:6] = np.roll(values[:, 3:6], by, axis=0)
     file.write_text("\n".join([header, *(",".join(row) for row in values)]) + "\n")
     assert told(job, file) == said
+
+
+@pytest.mark.parametrize(("columns", "signs", "said"), [
+    ((0, 1, 2), (1, 1, 1), ""), ((0, 1, 2), (-1, 1, 1), "x with the other sign"),
+    ((0, 1, 2), (1, -1, 1), "y with the other sign"), ((1, 0, 2), (1, 1, 1), "x and y exchanged")])
+def test_columns_along_other_axes_teach_nothing(
+    job: ErringJob, columns: tuple[int, ...], signs: tuple[int, ...], said: str
+) -> None:
+    file = job.measure(job.first, "axes.csv", values_um=job.first.off_um[:, columns] * signs)
+    done = learned(job, file)
+    assert done.code == (3 if said else 0)
+    found = [finding["message"] for finding in done.json["findings"] if finding["code"] in ("CS5330", "CS5310")]
+    assert [said in message for message in found] == ([True] if said else [])
