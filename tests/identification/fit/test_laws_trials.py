@@ -23,7 +23,7 @@ def test_weights_give_the_mean_and_covariance_of_a_normal_posterior(free: tuple[
 
     class Normal:
         rows, whole = 10, False
-        noise = SimpleNamespace(active=np.isin(np.arange(6), at))
+        noise = SimpleNamespace(active=np.isin(np.arange(6), at), turned=True)
 
         def __call__(self, logs: np.ndarray) -> tuple[np.ndarray, None]:
             off = logs[:, at] - mean
