@@ -1,14 +1,15 @@
 """Is there anything wrong at all? The largest score over the dictionary and over patterns no cause is needed for, with its
 probability by parametric bootstrap under the fitted noise (docs/effects.md, steps 2 and 4).
 
-Replicates are drawn from the fitted noise, its variance components drawn from their own posterior, and over all ways in which
-the parts may be there that need not be (fit/optional_parts.py): forces that are set up a little otherwise at each visit, too
-little for the rows to ask for that part, had been an alarm. All are scored with the same weights; each is divided by its own
-residual variance, as the data's is.
+Replicates are drawn from the fitted noise, its variance components drawn from their own posterior, and as many over all ways in
+which the parts may be there that need not be (fit/optional_parts.py): forces that are set up a little otherwise at each visit,
+too little for the rows to ask for that part, had been an alarm. All are scored with the same weights; each is divided by its
+own residual variance, as the data's is.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from identification.diagnosis.dictionary import WIDEST, Dictionary, dictionary_of
 from identification.diagnosis.patterns import Pattern, patterns_of
 from identification.diagnosis.projection import PRIOR_SIZES, Base, information_blocks, room
-from identification.diagnosis.replicates import AveragedNoise, Drawn
+from identification.diagnosis.replicates import AveragedNoise, Drawn, FittedNoise
 from identification.fit.discrepancy import other_ways
 from identification.fit.posterior import Posterior
 from identification.fit.sag import sag_columns
@@ -53,7 +54,8 @@ def goodness_of_fit(
     state, at = fitted.load_state, fitted.at_map
     dictionary = dictionary_of(state, at.noise, catalogue)
     patterns = patterns_of(state, at.noise)
-    return detect(base_of(fitted, dictionary), dictionary, patterns, AveragedNoise.of(fitted), rng, replicates)
+    noises = (FittedNoise.of(fitted), AveragedNoise.of(fitted))
+    return detect(base_of(fitted, dictionary), dictionary, patterns, noises, rng, replicates)
 
 
 def base_of(fitted: Posterior, dictionary: Dictionary) -> Base:
@@ -72,28 +74,31 @@ def base_of(fitted: Posterior, dictionary: Dictionary) -> Base:
 
 
 def detect(
-    base: Base, dictionary: Dictionary, patterns: tuple[Pattern, ...], noise: Drawn, rng: np.random.Generator,
+    base: Base, dictionary: Dictionary, patterns: tuple[Pattern, ...], noises: Sequence[Drawn], rng: np.random.Generator,
     replicates: int = REPLICATES,
 ) -> Detection:
-    """Scores of the data against those of replicates of the fitted model."""
+    """Scores of the data against those of so many replicates of the fitted model under each of the noises: they are no rarer
+    than under any."""
     # The data themselves are the first column.
-    residual = np.concatenate([base.residual[:, :, None], noise.draw(rng, replicates)], axis=2)
-    shift = np.zeros((base.design.shape[2], replicates + 1))
+    residual = np.concatenate([base.residual[:, :, None], *(noise.draw(rng, replicates) for noise in noises)], axis=2)
+    count = residual.shape[2]
+    shift = np.zeros((base.design.shape[2], count))
     shift[:, 0] = base.shift
-    weighted = base.weights.apply(residual).reshape(-1, replicates + 1)
+    weighted = base.weights.apply(residual).reshape(-1, count)
     pulled = base.design.reshape(-1, base.design.shape[2]).T @ weighted + base.precision @ shift
     step = base.inverse @ pulled
-    quadratic = np.sum(residual.reshape(-1, replicates + 1) * weighted, axis=0) - np.sum(pulled * step, axis=0)
+    quadratic = np.sum(residual.reshape(-1, count) * weighted, axis=0) - np.sum(pulled * step, axis=0)
     quadratic[0] += float(base.shift @ base.precision @ base.shift)
-    variance = np.maximum(quadratic, 1e-12) / max(noise.readings - base.free, 1)
+    variance = np.maximum(quadratic, 1e-12) / max(noises[0].readings - base.free, 1)
     entries = entry_surprise(base, dictionary, weighted, step, variance)
     left = weighted - base.weighted_design.reshape(-1, base.design.shape[2]) @ step
     observed_patterns = np.array([pattern.surprise(base, left, variance) for pattern in patterns]).reshape(
-        len(patterns), replicates + 1)
+        len(patterns), count)
     total = np.maximum(entries.max(axis=0, initial=0.0), observed_patterns.max(axis=0, initial=0.0))
-    p_value = (1 + int(np.sum(total[1:] >= total[0]))) / (replicates + 1)
+    drawn = total[1:].reshape(len(noises), replicates)
+    p_value = (1 + int(np.sum(drawn >= total[0], axis=1).max())) / (replicates + 1)
     named = {pattern.name: float(value) for pattern, value in zip(patterns, observed_patterns[:, 0], strict=True)}
-    return Detection(p_value, 1 / (replicates + 1), named, float(np.quantile(total[1:], 0.95)))
+    return Detection(p_value, 1 / (replicates + 1), named, float(np.quantile(drawn, 0.95, axis=1).max()))
 
 
 def entry_surprise(base: Base, dictionary: Dictionary, weighted: Array, step: Array, variance: Array) -> Array:

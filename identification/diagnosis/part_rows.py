@@ -134,7 +134,7 @@ class Found:
 
 def alarm(rows: PartRows, dictionary: Dictionary, rng: np.random.Generator, replicates: int = REPLICATES) -> Detection:
     """Is there anything that acts with the force and that the model without effects does not explain?"""
-    return detect(rows.base, dictionary, (), rows, rng, replicates)
+    return detect(rows.base, dictionary, (), (rows,), rng, replicates)
 
 
 def adequate(detection: Detection) -> bool:
@@ -167,7 +167,7 @@ def enough(
         base = base.extended(dictionary.shapes(entry, signature))
         base = base.freed(dictionary.undecided(rows.state, dictionary.entries[entry].joint), rows.state.visit)
     base = base.extended(other_ways(rows.state, rows, seen.terms(chosen)) / PRIOR_SIZES)
-    return detect(base, dictionary, (), rows, rng, replicates)
+    return detect(base, dictionary, (), (rows,), rng, replicates)
 
 
 def judged(rows: PartRows, seen: Survey, first: Detection, after: Detection) -> Found:

@@ -167,7 +167,7 @@ def test_false_alarms_of_the_bootstrap(tmp_path: Path) -> None:
     for _ in range(40):
         drawn = noise.draw(rng, 1)[:, :, 0]
         base = Base(at.design, drawn, at.noise.weights(fit.components), precision, np.zeros(6))
-        p_values.append(detect(base, dictionary, seen, noise, rng, 99).p_value)
+        p_values.append(detect(base, dictionary, seen, (noise,), rng, 99).p_value)
     assert sum(p <= 0.05 for p in p_values) <= 6        # binomial(40, 0.05): more than 6 has probability 0.3 %
     assert kstest(p_values, "uniform").pvalue > 1e-3
 
