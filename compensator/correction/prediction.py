@@ -114,10 +114,8 @@ def predict_path(loaded: LoadedPath) -> Prediction:
             covariance[few] = spread.T
     outside: list[Finding] = []
     if loaded.learned is not None and loaded.rest is not None:
-        learned, unseen = loaded.rest.mean.copy(), loaded.rest.unseen.copy()
-        added = loaded.learned.covariance_beside(deviation_slopes(loaded)[:, :3], loaded.rest)
-        between = loaded.learned.remainder.unseen(loaded.rest.basis)
-        added = added + between[:, None, None] * np.eye(3)
+        learned = loaded.rest.mean.copy()
+        added, unseen = loaded.learned.covariance_beside(deviation_slopes(loaded)[:, :3], loaded.rest)
         of_learned = np.trace(added, axis1=1, axis2=2)
         position, covariance = position + learned, covariance + added
         read_only(learned, of_learned, unseen)

@@ -62,12 +62,11 @@ class JobFrame:
 @dataclass(frozen=True, eq=False)
 class Rest:
     """What a program takes beside the springs at n places: mean (n, 3) [m], columns (n, 3, 9) and basis (n, m) of the
-    parameters beyond x_eff, unseen (n, 3, 3) [m^2] the covariance of what nobody measured there, inside (n,): measured."""
+    parameters beyond x_eff, inside (n,): measured."""
 
     mean: Array
     columns: Array
     basis: Array
-    unseen: Array
     inside: NDArray[np.bool_]
 
 
@@ -125,35 +124,27 @@ class Learned:
         weights = beyond[SETUP + DRIFT:].reshape(-1, 3)
         mean = columns @ beyond[:SETUP + DRIFT] + basis @ weights
         inside = np.sum(basis**2, axis=1) >= INSIDE if len(weights) else np.ones(len(position), dtype=bool)
-        return Rest(mean, columns, basis, self._unseen(basis), inside)
+        return Rest(mean, columns, basis, inside)
 
-    def _unseen(self, basis: Array) -> Array:
-        """Covariance (n, 3, 3) [m^2] of what was not measured: between the places, and along directions nobody measured
-        there."""
-        unseen = self.remainder.unseen(basis)[:, None, None] * np.eye(3)
-        if not len(self.remainder.places) or not self.remainder.amplitude:
-            return unseen
-        of_weights = self.covariance[self.springs + SETUP + DRIFT:, self.springs + SETUP + DRIFT:]
-        variance, directions = np.linalg.eigh(of_weights)
-        untold = directions[:, variance > UNTOLD * self.remainder.amplitude**2] * np.sqrt(
-            variance[variance > UNTOLD * self.remainder.amplitude**2])
-        for first in range(0, len(basis), CHUNK):
-            part = slice(first, first + CHUNK)
-            slopes = _spread(basis[part]) @ untold
-            unseen[part] += slopes @ np.swapaxes(slopes, 1, 2)
-        return unseen
-
-    def covariance_beside(self, by_x: Array, rest: Rest) -> Array:
-        """What the rest adds (n, 3, 3) [m^2] to the covariance that x_eff has by its slopes by_x (n, 3, S): its own and that
-        with x_eff, without what is unseen."""
-        size, added = self.springs, np.empty((len(by_x), 3, 3))
+    def covariance_beside(self, by_x: Array, rest: Rest) -> tuple[Array, Array]:
+        """What the rest adds (n, 3, 3) [m^2] to the covariance that x_eff has by its slopes by_x (n, 3, S), its own and that
+        with x_eff; and of the whole covariance the part (n, 3, 3) that knowing what nobody measured would take away: between
+        the places, and along directions that no point told of."""
+        size, weights = self.springs, slice(self.springs + SETUP + DRIFT, None)
         with_x, own = self.covariance[:size, size:], self.covariance[size:, size:]
+        variance, directions = np.linalg.eigh(self.covariance[weights, weights])
+        untold = variance > UNTOLD * self.remainder.amplitude**2
+        carried = self.covariance[:, weights] @ (directions[:, untold] / np.sqrt(variance[untold]))
+        between = self.remainder.unseen(rest.basis)[:, None, None] * np.eye(3)
+        added, unseen = between.copy(), between
         for first in range(0, len(by_x), CHUNK):
             part = slice(first, first + CHUNK)
             slopes = np.concatenate([rest.columns[part], _spread(rest.basis[part])], axis=2)
             across = by_x[part] @ with_x @ np.swapaxes(slopes, 1, 2)
-            added[part] = slopes @ own @ np.swapaxes(slopes, 1, 2) + across + np.swapaxes(across, 1, 2)
-        return added
+            added[part] += slopes @ own @ np.swapaxes(slopes, 1, 2) + across + np.swapaxes(across, 1, 2)
+            of_untold = by_x[part] @ carried[:size] + slopes @ carried[size:]
+            unseen[part] += of_untold @ np.swapaxes(of_untold, 1, 2)
+        return added, unseen
 
     def check_set_up(self, path: RobotPath, targets: Indices, repeats: Repeats) -> None:
         """Refused (CS5322) where the set-up is said to repeat and the program's work object stands elsewhere."""

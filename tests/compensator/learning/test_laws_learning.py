@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import sparse, special, stats
 
-from compensator.learned.learned import CHUNK, DRIFT, SETUP, JobFrame, Learned
+from compensator.learned.learned import CHUNK, DRIFT, SETUP, JobFrame, Learned, Rest
 from compensator.learned.remainder import POSTURE, Remainder, spread_out
 from compensator.learning.chance import FALSE_RATE, chance_of_remainder
 from compensator.learning.held_out import held_out
@@ -290,7 +290,12 @@ def test_where_nothing_was_learned_of_the_remainder_nothing_is_added() -> None:
     learned = Learned(np.zeros(6), np.zeros(15), 1e-12 * np.eye(15), frame)
     basis = learned.remainder.basis(position, theta)
     assert basis.shape == (5, 0)
-    assert not learned._unseen(basis).any()
+    assert not any(each.any() for each in learned.covariance_beside(np.zeros((5, 3, 6)), resting(basis)))
+
+
+def resting(basis: np.ndarray) -> Rest:
+    """What a program takes at places of this basis (n, m), neither set-up nor drift among it."""
+    return Rest(np.zeros((len(basis), 3)), np.zeros((len(basis), 3, SETUP + DRIFT)), basis, np.ones(len(basis), dtype=bool))
 
 
 @pytest.mark.parametrize(("number", "told", "untold"), [(1, 0.01, 1.0), (CHUNK + 2, 0.01, 1.0), (3, 0.2, 0.3)])
@@ -312,4 +317,31 @@ def test_of_a_direction_that_nobody_measured_all_is_unseen_at_every_target(numbe
         *(stretched(position[chosen], theta[chosen], 0.03),) * 2)) * matern(
         stretched(position[at] + [0, 0, 5e-3], theta[at], 0.03), stretched(position[chosen], theta[chosen], 0.03)), axis=1)
     expected = amplitude**2 * (left[:, None, None] * np.eye(3) + untold * (1 - left)[:, None, None] * np.diag([0, 0, 1.0]))
-    assert np.allclose(learned._unseen(basis), expected, atol=1e-4 * amplitude**2)
+    _, unseen = learned.covariance_beside(np.zeros((number, 3, 6)), resting(basis))
+    assert np.allclose(unseen, expected, atol=1e-4 * amplitude**2)
+
+
+def test_what_springs_and_an_untold_direction_share_is_not_taken_away_twice() -> None:
+    """What springs and a direction that nobody measured could both be, of which the sum is known better than either: without
+    what is unseen of it a covariance is left, that of the sum where the untold part is known (Schur's complement)."""
+    amplitude, (position, theta, _) = 20e-6, path(40)
+    chosen = spread_out(position, theta, 0.03, 2)
+    remainder = Remainder(position[chosen], theta[chosen], 0.03, amplitude)
+    along, basis = np.array([0.0, 0.0, 30e-6]), remainder.basis(position[:1], theta[:1])
+    by_spring = np.zeros((1, 3, 6))
+    by_spring[0, :, 0] = along
+    sure = np.diag([*np.full(6, 1e-12), *np.full(SETUP + DRIFT, 1e-12), *np.tile([0.01, 0.01, 0.01], 2) * amplitude**2])
+    shared = np.zeros(len(sure))        # a spring that is softer by one sigma, and the remainder that much less
+    shared[0], shared[-4] = 0.9, -0.9 * amplitude
+    covariance = sure + np.outer(shared, shared)
+    learned = Learned(np.zeros(6), np.zeros(len(covariance)), covariance,
+                      JobFrame(Frame(np.eye(3), np.zeros(3)), np.zeros(3), 1.0, 1.0), remainder)
+    added, unseen = learned.covariance_beside(by_spring, resting(basis))
+    slopes = np.concatenate([by_spring[0], np.zeros((3, SETUP + DRIFT)), np.kron(basis[0], np.eye(3))], axis=1)
+    whole = by_spring[0] @ covariance[:6, :6] @ by_spring[0].T + added[0]
+    left = (1 - np.sum(basis**2)) * amplitude**2 * np.eye(3)
+    assert np.allclose(whole, slopes @ covariance @ slopes.T + left, rtol=0, atol=1e-6 * amplitude**2)
+    kept = np.delete(np.arange(len(sure)), len(sure) - 4)
+    known = covariance[np.ix_(kept, kept)] - np.outer(covariance[kept, -4], covariance[-4, kept]) / covariance[-4, -4]
+    assert np.allclose(whole - unseen[0], slopes[:, kept] @ known @ slopes[:, kept].T, rtol=0, atol=1e-6 * amplitude**2)
+    assert np.linalg.eigvalsh(whole - unseen[0]).min() > 0

@@ -95,17 +95,19 @@ def test_the_next_part_is_better_by_it(job: ErringJob, stiffness: Path, log: Pat
 
 
 def test_a_law_that_is_not_the_dictionarys_is_carried_with_what_it_is_off(tmp_path: Path) -> None:
-    """Friction that slips in eight elements, where the dictionary has one: how far the arm of the virtual cell yields under
-    given forces on another part, against the model of the learned file. With the law's freedom taken out of the file it states
-    too little."""
+    """Friction that slips in eight elements of one size, log-evenly spread, which the dictionary spreads evenly and of growing
+    size: how far the arm of the virtual cell yields under given forces on another part, against the model of the learned file.
+    With the law's freedom taken out of the file it states too little."""
     job = job_with(tmp_path / "friction", "gear_friction:1", 3001, 1.2)
     stiffness = job.identify()
     output, _ = learn(job, stiffness, job.log(job.first, job.planned, "pass1.csv"))
     cell, content = compstiff.read_cell(job.cell), json.loads(output.read_text())
-    assert [each["effect"].split(".")[0] for each in content["effects"]] == ["hysteresis", "law_of_hysteresis"]
-    friction, width = content["told"]["figures"]["causes"]["parameters"]
-    for found, truth in zip((friction, width), job.came[0]["parameters"].values(), strict=True):
-        assert abs(found["estimate"] - truth) < 3 * found["std"] < 0.5 * abs(truth)
+    assert [each["effect"] for each in content["effects"]] == ["hysteresis.smooth", "law_of_hysteresis.smooth"]
+    friction, last = content["told"]["figures"]["causes"]["parameters"]
+    size, slope = job.came[0]["parameters"].values()      # 1 / slope [1/(N m)]: that of the slip state where the load turns
+    of_last = np.arange(1, 9).sum() / 8**2                # of eight elements, each of which holds as much as it slips at
+    for found, by, truth in ((friction, 1.0, size), (last, of_last, slope)):
+        assert abs(by * found["estimate"] - truth) < 3 * by * found["std"] < 0.5 * abs(truth)
     learned = compstiff.read_learned(output, cell)
     model = learned.model(compstiff.read_stiffness(stiffness, cell))
     off, others = off_another_part(job, model)
