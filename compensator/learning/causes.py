@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compensator.correction.forward import load_state_of
 from compensator.correction.predict import Predicted
@@ -43,6 +44,8 @@ from identification.model.load_state import LoadState
 from identification.model.stiffness import UNKNOWN_LAW
 
 ROUNDS, TRIES = 4, 12
+# Rows whose place of the force is worth more than so many sigmas of their reading tell no cause.
+PLACED = 12.0
 # Every effect is worked out at all targets of a program, since gears remember their load: of longer ones nothing is asked [-].
 MOST_TARGETS = 20_000
 
@@ -100,7 +103,8 @@ def ask(fitted: FittedPart, predicted: Predicted, seed: int = 0) -> Asked:
     if count > MOST_TARGETS:
         return Asked(None, plain, f"the program has {count} targets, causes are looked for in up to {MOST_TARGETS}")
     rng = np.random.default_rng(seed)
-    terms, start = fitted.all_terms, replace(fitted.sizes, length=fitted.length)
+    whole, start = fitted.all_terms, replace(fitted.sizes, length=fitted.length)
+    terms = whole.select(_placed(whole, start))
     state, targets = _state(fitted, predicted), predicted.targets
     prior = terms.physical_prior
     rows = PartRows(state, lambda moved: terms.rows.seen(moved[targets]), _factor(terms, _sizes(terms, start)),
@@ -110,16 +114,17 @@ def ask(fitted: FittedPart, predicted: Predicted, seed: int = 0) -> Asked:
     if adequate(first):
         return Asked(Found("adequate"), plain, p_value=first.p_value, after=first.p_value)
     tried: set[frozenset[int]] = set()
-    blurred = terms
+    blurred = whole
     while True:
         seen = best_of(rows, rows.dictionary(catalogue))
         if not seen.hypotheses or seen.hypotheses[0].key in tried or len(tried) == ROUNDS:
             break
         chosen = seen.hypotheses[0]
         tried.add(chosen.key)
-        blurred = _blurred(terms, predicted, [moved[targets] for moved in moved_by(rows, seen, chosen)])
-        sizes = _sizes(_with(blurred, columns_of(rows, seen, chosen)), start)
-        rows = replace(rows, factor=_factor(blurred, sizes))
+        blurred = _blurred(whole, predicted, [moved[targets] for moved in moved_by(rows, seen, chosen)])
+        terms = blurred.select(_placed(whole, start))
+        sizes = _sizes(_with(terms, columns_of(rows, seen, chosen)), start)
+        rows = replace(rows, factor=_factor(terms, sizes))
     after = enough(rows, seen, seen.hypotheses[0], rng) if seen.hypotheses else first
     return Asked(judged(rows, seen, first, after), blurred.rows, p_value=first.p_value, after=after.p_value)
 
@@ -194,6 +199,13 @@ def said_of_causes(asked: Asked, source: str) -> list[Finding]:
                         f"{100 * asked.p_value:.1f} % of parts): nothing is carried",
                         file=source, hint="compstiff diagnose on load tests tells more")]
     return []
+
+
+def _placed(terms: Terms, sizes: Sizes) -> NDArray[np.bool_]:
+    """The rows (n,) where it matters little at which place the force came: at a sharp corner a law that bends there and nowhere
+    else would be told by where the log has the corner."""
+    rows = terms.rows
+    return sizes.smear * rows.steep < PLACED * sizes.noise * rows.sigma
 
 
 def _sizes(terms: Terms, start: Sizes) -> Sizes:

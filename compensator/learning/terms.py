@@ -28,6 +28,9 @@ from identification.model.stiffness import IdentifiedModel
 # 1 sigma before anything was measured: shift [m] and turn [rad] of a work object that was probed, drift [m] of what warms up.
 # Engineering judgement, wide.
 SHIFT_STD, TURN_STD, DRIFT_STD = 1e-3, 2e-3, 0.2e-3
+# By how much [m] 1 sigma of a set-up must move the rows, root mean square, to be told from the remainder, which is expected to
+# be about as large (sizes.py).
+LEAST_SETUP = 30e-6
 # So many places carry the remainder.
 MOST_CARRIERS = 48
 
@@ -79,12 +82,14 @@ class Terms:
         return remainder, rows.spread(remainder.basis(rows.position, rows.posture))
 
     def free(self, slopes: Array) -> Array:
-        """An orthonormal basis (3 m, r) of the weights of which the set-up sees nothing here, by the slopes (n, 3 m)."""
-        weight = 1.0 / self.rows.sigma**2
+        """An orthonormal basis (3 m, r) of the weights of which the set-up sees nothing here, by the slopes (n, 3 m). What a
+        set-up moves the rows by less than LEAST_SETUP is the remainder's: points along the normals of upright walls hardly see
+        a turn about a level axis, and would keep the remainder from what depends on the height."""
         setup = slice(0, SETUP)
         seen = self.of_job[:, setup] * self.of_job_std[setup] @ self.job[setup, setup]
-        seen = seen / np.maximum(np.linalg.norm(seen, axis=0), 1e-300)
-        _, size, right = np.linalg.svd((seen * weight[:, None]).T @ slopes)
+        moved, size, _ = np.linalg.svd(seen, full_matrices=False)
+        moved = moved[:, size >= LEAST_SETUP * np.sqrt(len(seen))]
+        _, size, right = np.linalg.svd((moved / self.rows.sigma[:, None] ** 2).T @ slopes)
         rank = int((size > 1e-9 * size.max(initial=0.0)).sum())
         return np.asarray(right[rank:].T)
 

@@ -137,6 +137,27 @@ def test_set_up_and_remainder_together_are_every_smooth_error() -> None:
     assert np.sqrt(np.mean(left**2)) < 1e-3 * np.sqrt(np.mean(errors**2))
 
 
+def test_along_upright_walls_the_remainder_may_differ_between_two_heights() -> None:
+    """Points along level normals, half of the path 2.5 mm lower: the set-up's turn about a level axis moves the lower half
+    against the upper one by 5 um, an error of the kinematics by as much as anywhere; together they are as wide as the error's
+    own process is, rigid displacements aside."""
+    whole = terms(np.random.default_rng(3), places=40)
+    position = whole.rows.position - [0, 0, 2.5e-3] * (np.arange(40) >= 20)[:, None]
+    level = replace(whole.rows, position=position).select(whole.rows.direction[:, 2] == 0)
+    frame = replace(whole.frame, centre=position.mean(axis=0))
+    given = replace(whole.select(whole.rows.direction[:, 2] == 0), rows=level, frame=frame,
+                    of_job=level.along(frame.columns(position, level.time)))
+    lower, along_y = np.where(level.place >= 20, 1.0, -1.0), level.direction[:, 1] > 0
+    contrast = lower * along_y
+    rigid = np.hstack([level.along(frame.columns(position, level.time))[:, [0, 1, 5]]])
+    contrast = contrast - rigid @ np.linalg.lstsq(rigid, contrast, rcond=None)[0]
+    _, slopes = given.remainder(0.1, 1.0)
+    setup = given.of_job[:, :6] * given.of_job_std[:6]
+    own = 40e-6 * slopes @ given.free(slopes)
+    found = np.sqrt(np.sum((contrast @ own) ** 2) + np.sum((contrast @ setup) ** 2))
+    assert found > 0.95 * 40e-6 * np.linalg.norm(contrast @ slopes)
+
+
 def test_warming_is_not_told_more_surely_than_a_smooth_error_lets_it() -> None:
     """Truth: a smooth error of plane waves and a drift, the sizes found from each part: the drift's error in the metric of its
     own covariance. Of 24 parts 24 * 3 degrees of freedom are expected; noise alone stays under 110 in 99.7 % of such sets."""

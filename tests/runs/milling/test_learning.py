@@ -180,6 +180,7 @@ def test_points_of_the_surface_along_their_normal(job: ErringJob, stiffness: Pat
     points = job.measure(job.first, "normals.csv", along_normal=True)
     learning, output = job.learn(stiffness, log, points, radius=1e-3 * job.cutter.radius_mm, within=2e-3)
     assert learning.as_dict()["points_used"] > 0.8 * learning.as_dict()["points"]
+    assert learning.as_dict()["causes"]["verdict"] == "adequate"        # what errs are the kinematics, not the force
     before, after = left_um(job, corrected(job, log, stiffness, output, "job"))
     assert after < 0.45 * before
 
