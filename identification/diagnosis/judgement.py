@@ -121,6 +121,12 @@ class Judgement:
                              f"{len(self.bad_rows)} bad rows, {len(self.bad_visits)} bad visits, {len(self.mistakes)} "
                              f"mistakes, gain {self.gain}")
 
+    def as_unknown(self, patterns: tuple[str, ...]) -> Judgement:
+        """The judgement without its names, which are the nearest ones then; patterns: what is seen of the cause."""
+        return replace(self, verdict="unknown", extended=self.plain, causes=(), companions=(), gain=None, next_loads=(),
+                       alternatives=(*self.causes, *self.companions, *self.alternatives), robot_difference=None, withdrawn={},
+                       log_odds=None, law_differs=False, carried=None, mistakes=(), patterns=patterns)
+
     @property
     def dropped(self) -> tuple[str, int]:
         """Which readings do not fit the others and are not among `rows`, in words, and how many; the first few of many."""

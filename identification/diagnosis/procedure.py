@@ -205,7 +205,7 @@ class Procedure:
             if far > FAR_OFF and found.verdict == "mistake":
                 return found
             if far > FAR_OFF:
-                return replace(found, verdict="unknown", withdrawn={}, patterns=(FAR_IN_WORDS.format(far), *found.patterns))
+                return found.as_unknown((FAR_IN_WORDS.format(far), *found.patterns))
         unseen = beyond_the_fit(plain)
         return judgement if unseen is None else replace(judgement, verdict="mistake", mistakes=(unseen,))
 

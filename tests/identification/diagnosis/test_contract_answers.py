@@ -62,6 +62,13 @@ def test_a_contradiction_never_leaves_the_program(tmp_path: Path) -> None:
             replace(found, **wrong)
     with pytest.raises(ValueError, match="ambiguous"):
         Judgement("ambiguous", found.plain, found.plain, found.detection, alternatives=found.causes[:1])
+    # Names and sets may be taken back, the model with them.
+    other = replace(found.causes[0], joint=1)
+    for answer in (found, Judgement("ambiguous", found.plain, found.extended, found.detection,
+                                    alternatives=(*found.causes, other))):
+        back = answer.as_unknown(("far off",))
+        assert (back.verdict, back.extended, back.causes, back.patterns) == ("unknown", found.plain, (), ("far off",))
+        assert [cause.label for cause in back.alternatives][:1] == [found.causes[0].label]
 
 
 def test_a_fit_that_does_not_converge_is_a_candidate_less(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
