@@ -66,8 +66,27 @@ class Column(_Rocking):
         return moved
 
 
+class Lifting(_Rocking):
+    """Anchors that hold one way only: it tilts by c max(0, M.a) about a level axis a, which stands at an angle from base x."""
+
+    law = "lifting"
+    formula_source = "engineering judgement: a foot that lifts off where an anchor is loose, and is pressed down rigidly"
+    parameters = (
+        COMPLIANCE,
+        Parameter("axis_rad", "rad", 0.8, -3.1416, 3.1416, grid=tuple((np.arange(8) * np.pi / 4 - 0.75 * np.pi).round(4)),
+                  shape=True, source="engineering judgement: no side is more likely than another",
+                  bounds_source="engineering judgement: any direction, a full turn"),
+    )
+    sentence = "the robot rocks on its base to one side: an anchor is loose there, and lifts"
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        compliance, angle = values
+        base, axis = np.zeros((len(rows), 3)), np.array([np.cos(angle), np.sin(angle), 0.0])
+        return rows.turned(base, compliance * np.maximum(rows.moment_about(base) @ axis, 0.0)[:, None] * axis)
+
+
 class BaseRocking(_Rocking):
     """c_x = c_y: a foot that gives way alike to all sides."""
 
-    other_laws = (AboutEach(), Column())
+    other_laws = (AboutEach(), Column(), Lifting())
     parameters = (COMPLIANCE,)

@@ -91,6 +91,32 @@ def test_friction_takes_from_a_load_that_grows_and_adds_to_one_that_is_taken_off
     assert not law("load_friction").missing(rows)
 
 
+@pytest.mark.parametrize("held", [0.0, 0.6])
+def test_a_seal_takes_the_same_force_from_every_load_and_may_keep_it_on_the_robot(held: float) -> None:
+    """Two directions one after the other at a pose, each up and down; the zero that is read once more is the next load's."""
+    first, second = np.array([0.6, 0.0, 0.8]), np.array([0.0, -1.0, 0.0])
+    rows = loaded(np.tile(np.concatenate([forces([0.0, 100, 250, 100, 0], first), forces([0.0, 100, 250, 100, 0], second)]),
+                          (2, 1)), poses=2)
+    seal = known("load_friction.seal")
+    assert seal is not None
+    true = seal.true_wrench(rows, None, np.array([12.0, held]))
+    assert true is not None
+    taken = np.array([0.0, -12.0, -12.0, 12.0, 12.0 * held])
+    expected = np.concatenate([taken[:, None] * first, taken[:, None] * second])
+    assert_allclose((true - rows.wrench)[:, :3], np.tile(expected, (2, 1)), atol=1e-9)
+    assert seal.missing(loaded(forces([0.0, 100, 200], first), poses=1))
+
+
+def test_what_seats_under_the_first_load_stays_until_the_next_pose() -> None:
+    rows = loaded(np.tile(forces([0.0, 0.0, 100, 250, 0], np.array([0.0, 1.0, 0.0])), (3, 1)), poses=3)
+    seats, off = known("sensor_step.seating"), np.array([25e-6, -20e-6, 15e-6])
+    assert seats is not None
+    read = seats.contribution(rows, None, off)
+    assert_allclose(read[:, :3], np.tile(np.array([0.0, 0.0, 1.0, 1.0, 1.0]), 3)[:, None] * off, atol=1e-15)
+    assert not read[:, 3:].any()
+    assert seats.missing(loaded(forces([0.0, 100], np.array([1.0, 0.0, 0.0])), poses=1))
+
+
 def test_a_curve_takes_another_share_of_large_loads() -> None:
     """Two weights read one by one, and both: the readings do not add up by twice their product."""
     rows = loaded(forces([300.0, 500.0, 800.0, 0.0], np.array([0.0, 0.0, -1.0])), poses=1)

@@ -56,6 +56,19 @@ def test_a_column_bends_as_its_curvature_integrates() -> None:
     assert_allclose(effect.contribution(rows, None, np.array([compliance, height])), moved, atol=1e-6 * np.abs(moved).max())
 
 
+@pytest.mark.parametrize("angle", [0.0, 2.4, -1.1])
+def test_a_foot_that_lifts_turns_about_the_line_of_the_anchors_that_hold(angle: float) -> None:
+    """Loads that press the loose side down move nothing, the others turn the robot about a level line through the base."""
+    rows, lifting = drawn(moments=True), known("base_rocking.lifting")
+    assert lifting is not None
+    moved, line = lifting.contribution(rows, None, np.array([6e-8, angle])), np.array([np.cos(angle), np.sin(angle), 0.0])
+    moment = (np.cross(rows.tcp, rows.wrench[:, :3]) + rows.wrench[:, 3:]) @ line
+    assert (moment > 0).any()
+    assert (moment < 0).any()
+    turn = 6e-8 * np.where(moment > 0, moment, 0.0)[:, None] * line
+    assert_allclose(moved, np.concatenate([np.cross(turn, rows.tcp), turn], axis=1), atol=1e-12 * np.abs(moved).max())
+
+
 def test_a_twisted_arm_turns_all_beyond_it_about_the_line_from_shoulder_to_elbow() -> None:
     rows, effect = drawn(moments=True), known("link_bending.twist")
     assert effect is not None
