@@ -128,7 +128,8 @@ def grease_creeps(trial: Trial, size: float) -> tuple[str, set[str]]:
 def brakes_at_some(trial: Trial, size: float) -> tuple[str, set[str]]:
     joint, first = joint_of(trial), trial.visits // 2
     gear(trial, joint, ByVisit(0.4 * size, first))
-    return (f"joint {joint + 1}: from visit {first + 1} on brakes in place of servo: {0.4 * size:.2f} softer", {"softening"})
+    return (f"joint {joint + 1}: from visit {first + 1} on brakes in place of servo: {0.4 * size:.2f} softer",
+            {"softening", f"gear_softening[{joint + 1}]"})
 
 
 @cause
@@ -152,7 +153,8 @@ def eccentric_gear(trial: Trial, size: float) -> tuple[str, set[str]]:
 def warms_up(trial: Trial, size: float) -> tuple[str, set[str]]:
     joint, constant = joint_of(trial), trial.rows[-1].time / 3
     gear(trial, joint, Warming(0.3 * size, constant))
-    return f"joint {joint + 1}: {0.3 * size:.2f} softer with 1-exp(-t/{constant:.0f} s)", {"softening"}
+    return (f"joint {joint + 1}: {0.3 * size:.2f} softer with 1-exp(-t/{constant:.0f} s)",
+            {"softening", f"gear_softening[{joint + 1}]"})
 
 
 @cause
@@ -268,7 +270,7 @@ def changer_play(trial: Trial, size: float) -> tuple[str, set[str]]:
     half = 1.0e-4 * size
     about = np.array([1, 1, 0]) * half
     structure(trial, FLANGE, lambda force, moment: (STILL, about * np.tanh(moment / 5)))
-    return f"tool changer has play of tilt +-{half * 1e6:.0f} urad", set()
+    return f"tool changer has play of tilt +-{half * 1e6:.0f} urad", {"tool_play"}
 
 
 @cause
@@ -281,7 +283,7 @@ def spindle_play(trial: Trial, size: float) -> tuple[str, set[str]]:
         return half * across / max(much, 1e-9) * np.tanh(much / 20), STILL
 
     structure(trial, FLANGE, radial)
-    return f"spindle's bearing has radial play of {half * 1e6:.0f} um", set()
+    return f"spindle's bearing has radial play of {half * 1e6:.0f} um", {"tool_play"}
 
 
 @cause

@@ -64,14 +64,14 @@ def seal_sticks(trial: Trial, size: float) -> tuple[str, set[str]]:
 def rod_side(trial: Trial, size: float) -> tuple[str, set[str]]:
     share = 1 - 0.3 * size
     trial.pulls.append(lambda force, row, before: force * share if row.force.sum() < 0 else force)
-    return f"hydraulic cylinder: pulls have the ring's area, force {share:.2f} of the written", set()
+    return f"hydraulic cylinder: pulls have the ring's area, force {share:.2f} of the written", {"force_curve"}
 
 
 @cause
 def manometer(trial: Trial, size: float) -> tuple[str, set[str]]:
     most, share = largest_force(trial), 0.15 * size
     trial.pulls.append(lambda force, row, before: force * (1 + share * (length(force) / most - 0.5)))
-    return f"manometer not linear: F (1 + {share:.3f} (F/Fmax - 0.5))", set()
+    return f"manometer not linear: F (1 + {share:.3f} (F/Fmax - 0.5))", {"force_curve"}
 
 
 @cause

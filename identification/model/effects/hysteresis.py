@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from identification.common.arrays import Array, read_only
 from identification.model.effects.base import Parameter, Signature
 from identification.model.effects.documents import NABTESCO
-from identification.model.effects.kinds import GearTwist
+from identification.model.effects.kinds import NO_LOAD_OFF, GearTwist
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
 # Friction is seen where a load comes back: in so many rows at least, whose twist is off the first loading's by this share of
 # the amplitude. Engineering judgement: fewer are single readings, and less is no loop.
 FEWEST_WITNESSES, REMEMBERED = 3, 0.2
+# What the way to a pose lets go of is told by several.
+FEWEST_POSES = 2
 # States in which a gear may be when a pose begins: anywhere between its ends alike. Each way is 1 sigma of its own, since the
 # load turns a gear sooner the one way than the other; together they are as wide as all states.
 BEGINS = (6**-0.5, -(6**-0.5))
@@ -99,10 +101,44 @@ class Smooth(_Hysteresis):
     elements = 8
 
 
+class Seats(GearTwist):
+    """`J_i c_i a tau_m`, tau_m the torque that was largest so far at this pose: the load leaves a share of its twist behind,
+    until the robot moves: a program has none of it."""
+
+    name = "hysteresis"
+    law = "seats"
+    of_robot = False
+    formula_source = ("engineering judgement: teeth, bearings and bolted faces that seat under the first load and do not come "
+                      "back until the robot moves, in proportion to it")
+    parameters = (Parameter("share", "1", 0.05, 0.0, 2.0,
+                            source="engineering judgement: some per cent, why machines are loaded once first",
+                            bounds_source="engineering judgement: none, to twice what the spring gives"),)
+    sentence = "the gear of joint {joint} seats under load: at each pose the largest load so far leaves something behind"
+    settles = "load up and down twice without leaving the pose: the second time nothing more is left behind"
+
+    def missing(self, rows: LoadState) -> str:
+        if rows.starts.sum() < FEWEST_POSES:
+            return "there are too few poses"
+        left = np.abs(_largest_so_far(rows) - rows.torque) > REMEMBERED * np.abs(_largest_so_far(rows))
+        return "" if left.any() else NO_LOAD_OFF
+
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
+        return np.asarray(values[0] * rows.compliance[i] * _largest_so_far(rows)[:, i])
+
+
+def _largest_so_far(rows: LoadState) -> Array:
+    """The torques (n, 6) [N m] that were largest in size since the pose began."""
+    size, number = np.abs(rows.torque), np.arange(len(rows))[:, None]
+    # Every pose stands above all before it, so that the largest so far is its own.
+    height = size + np.cumsum(rows.starts)[:, None] * (size.max(axis=0, initial=0.0) + 1.0)
+    kept = np.maximum.accumulate(np.where(height >= np.maximum.accumulate(height, axis=0), number, 0), axis=0)
+    return np.asarray(np.take_along_axis(rows.torque, kept, axis=0))
+
+
 class Hysteresis(_Hysteresis):
     """q <- clip(q + dtau / T, -1, 1)."""
 
-    other_laws = (Smooth(),)
+    other_laws = (Smooth(), Seats())
     formula_source = ("JSME Robotics and Mechatronics Conference 2012, 2P1-E07: harmonic drives' hysteresis as a "
                       "Maxwell-slip model; here one element. R. Dhaouadi, F. Ghorbel, Modeling and Analysis of Hysteresis "
                       "in Harmonic Drive Gears, Syst. Anal. Model. Simul., received 2002")

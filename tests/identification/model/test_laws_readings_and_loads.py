@@ -117,6 +117,19 @@ def test_what_seats_under_the_first_load_stays_until_the_next_pose() -> None:
     assert seats.missing(loaded(forces([0.0, 100], np.array([1.0, 0.0, 0.0])), poses=1))
 
 
+def test_a_cylinder_that_pulls_has_another_gain_than_one_that_pushes() -> None:
+    """Loads along the axes of the base, both ways; there is no side to loads that point anywhere."""
+    along = np.concatenate([forces([100.0, -200, 0.0], axis) for axis in np.eye(3)])
+    rows, pull = loaded(along, poses=1), known("force_curve.pull")
+    assert pull is not None
+    true = pull.true_wrench(rows, None, np.array([0.2]))
+    assert true is not None
+    assert_allclose(true, rows.wrench * np.tile([1.1, 0.9, 1.0], 3)[:, None], atol=1e-9)
+    assert not pull.missing(rows)
+    assert pull.missing(loaded(np.abs(along), poses=1))
+    assert pull.missing(loaded(forces([100.0, -200], np.array([0.6, 0.0, 0.8])), poses=1))
+
+
 def test_a_curve_takes_another_share_of_large_loads() -> None:
     """Two weights read one by one, and both: the readings do not add up by twice their product."""
     rows = loaded(forces([300.0, 500.0, 800.0, 0.0], np.array([0.0, 0.0, -1.0])), poses=1)

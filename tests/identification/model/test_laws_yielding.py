@@ -288,3 +288,39 @@ def test_friction_in_a_gear_is_what_lags_behind(law: str, elements: int) -> None
         begun = np.concatenate([state(slice(0, 12), begin), state(slice(12, 24), begin)]) - begin
         assert_allclose(otherwise[:, :, way], amplitude * (begun - plain)[:, None] * column, atol=1e-15)
     assert_allclose(otherwise[[0, 12]], 0.0, atol=1e-15)
+
+
+def cycled(poses: int) -> LoadState:
+    """Each pose loaded up and down to one side, then less to the other, an hour in all."""
+    arm, rng = drawn().robot, np.random.default_rng(8)
+    steps = np.array([0.0, 1.0, 2.0, 1.0, 0.0, -1.0, 0.0])
+    wrench = np.concatenate([np.outer(steps, rng.uniform(-300, 300, 6) * [1, 1, 1, 0, 0, 0]) for _ in range(poses)])
+    rows = load_state(arm, TOOL, np.repeat(random_poses(arm, poses, rng, 0.6), len(steps), axis=0), wrench, COMPLIANCE)
+    return replace(rows, time=np.linspace(0.0, 3600.0, len(rows)), visit=np.repeat(np.arange(poses), len(steps)))
+
+
+def test_what_seats_stays_with_the_largest_torque_of_the_pose() -> None:
+    rows, seats = cycled(3), known("hysteresis.seats")
+    assert seats is not None
+    moved = seats.contribution(rows, 2, np.array([0.1]))
+    for visit in range(3):
+        mine = np.flatnonzero(rows.visit == visit)
+        torque = rows.torque[mine, 1]
+        largest = np.array([max(torque[: k + 1], key=abs) for k in range(len(mine))])
+        assert_allclose(moved[mine], rows.jacobian[mine, :, 1] * (0.1 * rows.compliance[1] * largest)[:, None], atol=1e-15)
+    assert seats.missing(cycled(1))
+    assert not seats.missing(rows)
+    assert not seats.of_robot                       # a program has none of it
+
+
+@pytest.mark.parametrize("law", ["gear_softening", "gear_softening.from"])
+def test_a_gear_that_softens_is_a_softer_spring_afterwards(law: str) -> None:
+    rows = cycled(4)
+    softer = rows.jacobian[:, :, 4] * (rows.torque[:, 4] * 0.2 * rows.compliance[4])[:, None]
+    if law == "gear_softening":
+        moved, share = effects()[law].contribution(rows, 5, np.array([0.2, 1000.0])), 1 - np.exp(-rows.time / 1000.0)
+    else:
+        shapes = known(law).signatures(rows, 5)
+        assert [shape.effect.where for shape in shapes] == [{"row": rows.row[7 * k]} for k in (1, 2, 3)]
+        moved, share = shapes[1].effect.contribution(rows, 5, np.array([0.2])), (rows.visit >= 2).astype(float)
+    assert_allclose(moved, share[:, None] * softer, atol=1e-15)
