@@ -108,6 +108,23 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
      "True -> False", "values are split by the terms: as many"),
     ("identification/diagnosis/naming.py", "sets = [hypothesis for size in range(1, levels + 1)", "1 -> 0",
      "no set is of no causes"),
+    ("compensator/forces/one_pass.py", "inside = (log.place >= -1e-3) & (log.place <= np.nanmax(length) + 1e-3)", ">= -> >",
+     "a tolerance, met exactly by no place"),
+    ("compensator/coefficients/fit.py", "if OF_TABLE[0] <= shares[material] <= OF_TABLE[1]:", "<= -> <",
+     "a bound on a fitted number, met exactly by none"),
+    ("compensator/coefficients/fit.py", "if AS_OF[0] <= share <= AS_OF[1]]", "<= -> <",
+     "a bound on a fitted number, met exactly by none"),
+    ("compensator/coefficients/fit.py", "far = np.abs(aside) > MOST_ASIDE", "> -> >=",
+     "a bound on a fitted number, met exactly by none"),
+    ("compensator/coefficients/fit.py", "if found.mean[1] < -two_sigma(float(np.sqrt(found.covariance[1, 1]))):", "< -> <=",
+     "a bound on a fitted number, met exactly by none"),
+    ("identification/fit/mistakes/look.py", "for score, (k, place) in zip(scores, labels, strict=True):", "True -> False",
+     "a label a score: as many"),
+    ("identification/diagnosis/detect.py",
+     "named = {pattern.name: float(value) for pattern, value in zip(patterns, of_patterns[:, 0], strict=True)}",
+     "True -> False", "a row a pattern: as many"),
+    ("identification/model/effects/parallelogram.py", "driven = (rows.robot.rod or (2, 1))[0]", "2 -> (2 * 2)",
+     "robots without a rod do not have this law"),
 )
 
 

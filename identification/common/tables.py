@@ -357,4 +357,8 @@ def _csv(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
         if not body:
             return pd.DataFrame({name: np.empty(0) for name in names}), np.empty(0, dtype=np.intp), kept[0] + 1
         raise error("CS0201", f"is not a table: {reason}", file=str(file)) from reason
+    if len(frame) != len(body):
+        open_quote = next((index for index in kept[1:] if lines[index].count('"') % 2), kept[0])
+        raise error("CS0201", "a cell in quotes goes over the end of its line, expected one line a row", file=str(file),
+                    line=open_quote + 1, hint="take the line break out of the cell, or close its quotes")
     return frame, np.array(kept[1:], dtype=np.intp) + 1, kept[0] + 1

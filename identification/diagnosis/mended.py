@@ -89,8 +89,10 @@ def _table_text(rows: Measurements) -> str:
 
 
 def _cell(text: str) -> str:
+    """A label as a cell of one line: tables have one line a row."""
+    text = text.replace("\r", " ").replace("\n", " ")
     quoted = text.replace('"', '""')
-    return f'"{quoted}"' if any(mark in text for mark in ',"\n;#') else text
+    return f'"{quoted}"' if any(mark in text for mark in ',";#') else text
 
 
 def _cell_text(cell: Cell, mistake: NamedMistake) -> str:

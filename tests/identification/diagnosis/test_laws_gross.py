@@ -75,3 +75,13 @@ def test_five_of_one_visit_hide_each_other_but_not_their_visit() -> None:
 def test_heavy_tails_crowd_no_visit(degrees: float) -> None:
     rng = np.random.default_rng(78)
     assert sum(bool(crowded(squared(rng, degrees))) for _ in range(60)) <= 1
+
+
+def test_a_visit_is_as_crowded_as_the_third_of_its_bad_readings() -> None:
+    """Two far off are no crowd, however many ordinary readings stand beside them: the third decides."""
+    distance = squared(np.random.default_rng(5))
+    distance[14:21] = 3.0
+    distance[14:16] = 45.0**2, 44.0**2
+    assert not crowded(distance)
+    distance[16] = 43.0**2
+    assert set(crowded(distance)) == {2}

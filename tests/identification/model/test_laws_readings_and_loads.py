@@ -84,6 +84,17 @@ def test_friction_takes_from_a_load_that_grows_and_adds_to_one_that_is_taken_off
     assert true is not None
     share = np.array([0.97, 0.97, 0.97, 0.97, 1.03, 1.0, 0.97])
     assert_allclose(true, rows.wrench * np.tile(share, 2)[:, None], atol=1e-9)
+    # A reading that is repeated under the load as it is (taken off: as it was) keeps the friction it had.
+    again = loaded(forces([100.0, 250, 100, 100.01, 99.99], np.array([0.0, 1.0, 1.0])), poses=1)
+    held = law("load_friction").true_wrench(again, None, np.array([0.03]))
+    assert held is not None
+    assert_allclose(held, again.wrench * np.array([0.97, 0.97, 1.03, 1.03, 1.03])[:, None], atol=1e-9)
+    # A smaller load at 60 degrees to the last is none that was taken off.
+    aside = np.zeros((2, 6))
+    aside[:, :3] = [[300.0, 0.0, 0.0], [50.0, 50.0 * np.sqrt(3.0), 0.0]]
+    grown = law("load_friction").true_wrench(loaded(aside, poses=1), None, np.array([0.03]))
+    assert grown is not None
+    assert_allclose(grown, 0.97 * aside, atol=1e-9)
     # One axis after the other, never exactly alike: each load grew from nothing.
     axes = loaded(np.concatenate([np.diag([500.0, 490.0, -480.0]), np.zeros((3, 3))], axis=1), poses=1)
     assert law("load_friction").missing(axes)

@@ -1,0 +1,61 @@
+"""Samples off the path, and the noise of a tare."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from compensator.forces.log import ForceLog
+from compensator.forces.one_pass import said_of_lost, targets_of
+from compensator.forces.target_rows import TargetRows
+from compensator.forces.zero import _air
+from compensator.path.robot_path import RobotPath
+from identification.common.findings import CompstiffError
+
+
+def log_of(place: list[float]) -> ForceLog:
+    count = len(place)
+    return cast(ForceLog, SimpleNamespace(key="length", place=np.array(place), weight=np.ones(count),
+                                          line=np.arange(2, count + 2), source="log.csv"))
+
+
+def test_rows_before_and_behind_the_path_belong_to_no_target() -> None:
+    """The others to the nearest by its length."""
+    path = cast(RobotPath, SimpleNamespace(length=np.array([0.0, 0.1, 0.3])))
+    target = targets_of(log_of([-0.2, 0.0, 0.04, 0.06, 0.19, 0.21, 0.3, 0.5]), path)
+    np.testing.assert_array_equal(target, [-1, 0, 0, 1, 1, 2, 2, -1])
+
+
+def test_what_is_off_the_path_is_said_and_what_is_not_is_not() -> None:
+    log = log_of([0.0] * 200)
+    on = np.ones(200, dtype=bool)
+    assert said_of_lost(log, on) == []
+    on[7] = False
+    (finding,) = said_of_lost(log, on)
+    assert (finding.code, finding.level, finding.line) == ("CS3007", "note", 9)
+    assert finding.message.startswith("1 of 200 samples")
+    on[8:10] = False
+    assert said_of_lost(log, on)[0].level == "warning"
+    on[:190] = False
+    with pytest.raises(CompstiffError, match="only 10 of the 200"):
+        said_of_lost(log, on)
+
+
+@pytest.mark.parametrize("offset", [0.0, 500.0])
+@pytest.mark.parametrize("count", [6, 3000])
+def test_the_noise_of_a_tare_is_that_of_its_samples(count: int, offset: float) -> None:
+    """White noise of 2 N, in a few samples (one batch: their scatter) and many (batches), whatever the sensor's zero."""
+    noise = []
+    for seed in range(40 if count < 100 else 8):
+        rng = np.random.default_rng(seed)
+        loads = offset + 2.0 * rng.standard_normal((count, 6))
+        rows = SimpleNamespace(between=lambda first, last: np.arange(count), weight=np.ones(count),
+                               target=np.zeros(count, dtype=int))
+        air = _air(log_of([0.0]), loads, cast(TargetRows, rows), np.zeros((1, 3)), [(0, 0)])
+        noise.append(air.noise)
+        assert air.samples == count
+    # 240 x 5 and 48 x 31 degrees of freedom: within 2 % and 2 %, one sigma.
+    assert np.sqrt(np.mean(np.square(noise))) == pytest.approx(2.0, rel=0.08)

@@ -1,0 +1,69 @@
+"""The table that `--mend` writes, read again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from identification.common.findings import CompstiffError
+from identification.common.shipped import shipped
+from identification.diagnosis.mended import mended_file
+from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.judge import NamedMistake
+from identification.measurements import Measurements, read_measurements
+from identification.model.cell import read_cell
+
+SAMPLES = shipped("samples")
+
+
+def mended_and_read(
+    tmp_path: Path, change: dict[str, np.ndarray], lost: np.ndarray
+) -> tuple[Measurements, Measurements, bytes]:
+    """The sample's table with other columns, the readings of the rows `lost` (N,) taken away by its mistake: what was meant,
+    what is read again, and what was written."""
+    cell = read_cell(SAMPLES / "cell.yaml")
+    rows = replace(read_measurements(SAMPLES / "measurements.csv", cell.robot), **change)
+    meant = replace(rows, deflection=np.where(lost, np.nan, rows.deflection))
+    mistake = SimpleNamespace(of="table", mended=lambda data, where: SimpleNamespace(rows=meant))
+    candidate = SimpleNamespace(mistake=mistake, rows=None, data=LoadTest.of(cell, rows), models=(None,))
+    written = mended_file(cell, rows, cast(NamedMistake, SimpleNamespace(candidate=candidate, sentence="made up"))).content
+    (tmp_path / "mended.csv").write_bytes(written)
+    return meant, read_measurements(tmp_path / "mended.csv", cell.robot), written
+
+
+@pytest.mark.parametrize("mark", ["\r", "\n", ",", ";", "\t", '"', "#"])
+def test_a_label_breaks_no_row(tmp_path: Path, mark: str) -> None:
+    """Whatever stands in a label, the table has as many rows, their numbers are as they were. A line end becomes a blank."""
+    pose = np.array([f"P{number}{mark}a" for number in _sample().visit], dtype=object)
+    meant, again, _ = mended_and_read(tmp_path, {"pose": pose}, np.zeros((len(pose), 3), dtype=bool))
+    np.testing.assert_allclose(again.theta, meant.theta, atol=1e-9)
+    np.testing.assert_allclose(again.deflection, meant.deflection, atol=1e-12)
+    np.testing.assert_array_equal(again.pose, [text.replace("\r", " ").replace("\n", " ") for text in meant.pose])
+
+
+@pytest.mark.parametrize("end", ["\r", "\n", "\r\n"])
+def test_a_cell_over_two_lines_is_refused(tmp_path: Path, end: str) -> None:
+    """Its line is named; rows and their lines would not belong together."""
+    head, *rows = [line for line in (SAMPLES / "measurements.csv").read_text().splitlines() if not line.startswith("#")]
+    rows = [f'{row},"a{end}b"' if k == 2 else f"{row},a" for k, row in enumerate(rows)]
+    (tmp_path / "table.csv").write_text("\n".join([f"{head},remark", *rows]) + "\n", newline="")
+    with pytest.raises(CompstiffError, match="table.csv:4: error CS0201: a cell in quotes"):
+        read_measurements(tmp_path / "table.csv", read_cell(SAMPLES / "cell.yaml").robot)
+
+
+def test_rows_that_lost_their_whole_reading_are_left_out_and_counted(tmp_path: Path) -> None:
+    """One that lost a single component keeps its others."""
+    lost = np.zeros((len(_sample()), 3), dtype=bool)
+    lost[[4, 9]], lost[6, 0] = True, True
+    meant, again, written = mended_and_read(tmp_path, {}, lost)
+    assert b"# 2 rows are left out" in written
+    np.testing.assert_allclose(again.deflection, np.delete(meant.deflection, [4, 9], axis=0), atol=1e-12)
+
+
+def _sample() -> Measurements:
+    return read_measurements(SAMPLES / "measurements.csv", read_cell(SAMPLES / "cell.yaml").robot)
