@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import json
 import os
-import shlex
 import re
 import select
+import shlex
 import subprocess
 import sys
 import time
