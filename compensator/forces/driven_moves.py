@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
 from compensator.forces.log_path import on_path
+from compensator.forces.program_time import moves_in_air
+from compensator.forces.source import Key
 from compensator.path.robot_path import RobotPath, robot_path
 from identification.common.findings import CompstiffError, Finding, counted, verb
 
@@ -44,7 +46,7 @@ def as_driven(log: ForceLog, path: RobotPath) -> ForceLog:
             by_text = on_path(log, path)
             if np.isfinite(by_text.place).sum() > np.isfinite(placed.place).sum():
                 return by_text
-    return _in_text(placed, path, run, order)
+    return _in_text(placed, log.key, path, run, order)
 
 
 def _of_text(end: float, driven: float, text: float) -> bool:
@@ -52,8 +54,8 @@ def _of_text(end: float, driven: float, text: float) -> bool:
     return abs(driven - text) > APART * text and abs(end - text) < NEARER * abs(end - driven)
 
 
-def _in_text(log: ForceLog, path: RobotPath, run: RobotPath, order: Indices) -> ForceLog:
-    """A log along the moves as driven, by the path length of the text."""
+def _in_text(log: ForceLog, key: Key, path: RobotPath, run: RobotPath, order: Indices) -> ForceLog:
+    """A log along the moves as driven, by the path length of the text. key: what placed it."""
     place = np.full(len(log.place), np.nan)
     on = np.flatnonzero(np.isfinite(log.place))
     at = np.clip(log.place[on], 0.0, run.length[-1])
@@ -69,7 +71,7 @@ def _in_text(log: ForceLog, path: RobotPath, run: RobotPath, order: Indices) -> 
     place[on] = starts_at + share * (ends_at - starts_at)
     keep = np.ones(len(place), dtype=bool)
     keep[on] = np.isin(np.where(share > 0.5, behind, before), np.unique(order, return_index=True)[1])
-    findings = (*log.findings, _note(log, path, order))
+    findings = (*log.findings, _note(log, key, path, order))
     log = replace(log, place=place, findings=findings)
     if not keep.all():
         log = log.rows(keep)
@@ -79,11 +81,14 @@ def _in_text(log: ForceLog, path: RobotPath, run: RobotPath, order: Indices) -> 
     return log
 
 
-def _note(log: ForceLog, path: RobotPath, order: Indices) -> Finding:
-    left_out = np.setdiff1d(np.arange(len(path.toolpath)), order)
-    words = [f"{counted(len(left_out), 'target')} that no call leads to, of an error handler, a trap or an idle routine, "
-             f"{verb(len(left_out), 'have')} no sample"] if len(left_out) else []
+def _note(log: ForceLog, key: Key, path: RobotPath, order: Indices) -> Finding:
+    """What is said of it: a warning where cuts are left out, and no position shows that the log is of none of them."""
+    idle = np.setdiff1d(np.arange(len(path.toolpath)), order)
+    cuts = bool((~moves_in_air(path.toolpath)[idle]).any()) and key in ("path_mm", "time")
+    words = [f"{counted(len(idle), 'target')} that no call leads to, of an error handler, a trap or an idle routine, "
+             f"{verb(len(idle), 'have')} no sample"] if len(idle) else []
     if len(np.unique(order)) < len(order):
         words.append("of targets that are driven more than once the first time counts")
-    return Finding("CS3122", "note", "followed along the moves as the calls drive them, which is not the order of the text"
-                   + "".join(f"; {said}" for said in words), file=log.source)
+    said = "; ".join(["followed along the moves as the calls drive them, which is not the order of the text", *words])
+    return Finding("CS3122", "warning" if cuts else "note", said, file=log.source,
+                   hint="was an idle routine started by itself? Then give it as a program of its own" if cuts else "")

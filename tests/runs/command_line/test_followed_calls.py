@@ -105,3 +105,11 @@ def test_one_routine_started_by_itself_is_found_where_the_log_lies(tmp_path: Pat
     moved = [target for target, row in zip(order, kit.table(tmp_path / "offsets.csv"), strict=False) if float(row["ox_mm"])]
     assert moved
     assert set(moved) <= set(B)
+
+
+@pytest.mark.parametrize(("key", "level"), [("path_mm", "warning"), ("x_mm", "note")])
+def test_an_idle_routine_that_cuts_is_a_warning_where_no_position_tells(tmp_path: Path, key: str, level: str) -> None:
+    path = Path3(np.array(POINTS, dtype=float))
+    text, _ = programs(path)["service first"]
+    result = Job(tmp_path, program=text, forces=log_of(path, [*A, *B], key)).correct("--json")
+    assert [finding["level"] for finding in result.json["findings"] if finding["code"] == "CS3122"] == [level]
