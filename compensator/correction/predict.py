@@ -244,7 +244,8 @@ def under_forces(
         raise type(stopped)(*stopped.findings, *noticed) from stopped
     told = taken_as_given(loaded, settings).finding(path.cell.cutting, settings.correction.depth_of_cut, placed.log.source)
     order = said_of_order(program.text, np.isin(np.arange(len(path.toolpath)), targets), log.key,
-                          followed=any(finding.code == "CS3122" for finding in placed.findings))
+                          followed=any(finding.code == "CS3122" for finding in placed.findings)
+                          or (log.predicted is not None and path.toolpath.driven is not None))
     return Predicted(settings, program, loaded, prediction, (*noticed, *left, *order, *prediction.findings, *told))
 
 
