@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +87,8 @@ class Toolpath:
     together   (N,) the move is synchronised with those of other robots (\\ID); None: none is
     given      (N,) number of each target in the program as it was given, None where none was added since; `line` and `column`
                are always those of that program
+    driven     (D,) the targets in the order in which the program drives them, some twice, some not at all; None: each once, in
+               the order of the text, or the text does not say
     cutters    those that the file states for these targets; RAPID and tables state none
     """
 
@@ -110,12 +113,19 @@ class Toolpath:
     given: Indices | None = None
     switched: tuple[tuple[int, str, bool], ...] = ()
     together: NDArray[np.bool_] | None = None
+    driven: Indices | None = None
     cutters: tuple[StatedCutter, ...] = ()
 
     @property
     def number(self) -> Indices:
         """What people are told of a target (N,): its number in the program as given, that of its move where it was added."""
         return np.arange(len(self)) if self.given is None else self.given
+
+    def taken(self, order: Indices) -> Toolpath:
+        """Some of its targets (D,), in another order, as a path of their own."""
+        rows: dict[str, Any] = {name: value[order] for name, value in vars(self).items()
+                if isinstance(value, np.ndarray) and name not in ("driven", "given")}
+        return replace(self, **rows, findings=(), given=None, switched=(), driven=None)
 
     def __len__(self) -> int:
         return len(self.move)

@@ -16,6 +16,7 @@ from compensator.cutting.removal import Engagement, mill_through
 from compensator.cutting.stock import Stock
 from compensator.cutting.stock_file import Blank, read_stock
 from compensator.cutting.track import Track, track_of
+from compensator.path.driven_path import DrivenPath, driven_path
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
 from identification.common.findings import Finding, Refused, counted, error
@@ -170,13 +171,28 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     off = None if aside is None else path.base_from_object.inverse().turn(aside)
     piece = min(LONGEST, SHARE * cutter.radius)
     ball = cutter.radius if cutter.ball else 0.0
-    track = track_of(path, cutter.teeth, 60 / speed, piece, off, ball)
+    driven = driven_path(path)
+    run = path if driven is None else driven.run
+    off = off if off is None or driven is None else off[driven.order]
+    track = track_of(run, cutter.teeth, 60 / speed, piece, off, ball)
     _check_near(blank, track, cutter)
     # Layers by the plan: what the tool yields moves it by less than a layer, and in that.
-    planned = track if off is None else track_of(path, cutter.teeth, 60 / speed, piece, ball=ball)
+    planned = track if off is None else track_of(run, cutter.teeth, 60 / speed, piece, ball=ball)
     made = blank.stock(_levels(planned, blank.bounds, cutter.radius + MOST_ASIDE), cutter.corner)
     engagement, left = mill_through(made, track, cutter, step)
+    if driven is not None:
+        track, engagement = _in_text(track, engagement, driven)
     return Cut(path, cutter, 60 / speed, blank, track, engagement, left)
+
+
+def _in_text(track: Track, engagement: Engagement, driven: DrivenPath) -> tuple[Track, Engagement]:
+    """Steps of the moves as driven by the targets and the path length of the text; of targets that are driven more than once
+    those of the first time."""
+    place, _ = driven.in_text(track.place)
+    first = np.flatnonzero(driven.first[track.target])
+    # Along the path of the text, which is what a log is placed on.
+    steps = first[np.argsort(place[first], kind="stable")]
+    return track.some(steps, place, driven.order), engagement.some(steps)
 
 
 def _check_near(blank: Blank, track: Track, cutter: Cutter) -> None:

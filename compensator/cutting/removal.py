@@ -72,6 +72,11 @@ class Engagement:
         if self.moved is not None:
             read_only(self.moved)
 
+    def some(self, steps: Indices) -> Engagement:
+        """Of these steps (n,)."""
+        return Engagement(self.weights[steps], self.low[steps], self.high[steps], self.depth[steps], self.width[steps],
+                          self.unknown[steps], None if self.moved is None else self.moved[:, steps])
+
     @property
     def cuts(self) -> Flags:
         """Steps (S,) that take material away."""

@@ -42,6 +42,11 @@ class Track:
     def __post_init__(self) -> None:
         read_only(self.start, self.end, self.place, self.length, self.target, self.move, self.chip, self.joint, self.axis)
 
+    def some(self, steps: Indices, place: Array, order: Indices) -> Track:
+        """These steps (n,) at their places among place (S,) [m]; order: the targets that its own numbers stand for."""
+        return Track(self.start[steps], self.end[steps], place[steps], self.length[steps], order[self.target[steps]],
+                     order[self.move[steps]], self.chip[steps], self.joint[steps], self.axis[steps])
+
     def __len__(self) -> int:
         return len(self.place)
 

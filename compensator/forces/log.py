@@ -108,8 +108,8 @@ class ForceLog:
         """What is known of the log as a whole."""
         return replace(self.rows(slice(0, 0)), predicted=None)
 
-    def rows(self, which: NDArray[np.bool_] | slice) -> ForceLog:
-        """Some of its rows, by which (M,)."""
+    def rows(self, which: NDArray[np.bool_] | Indices | slice) -> ForceLog:
+        """Some of its rows, by which (M,), or by their numbers in another order."""
         some: dict[str, Any] = {
             name: field[which].copy() for name, field in vars(self).items() if isinstance(field, np.ndarray)}
         if self.predicted is not None:

@@ -45,11 +45,21 @@ def said_of_lost(log: ForceLog, on: NDArray[np.bool_]) -> list[Finding]:
                     file=log.source, line=int(log.line[np.argmin(on)]))]
 
 
-def check_once(log: ForceLog, target: Indices) -> None:
+def check_once(log: ForceLog, target: Indices, driven: Indices | None) -> None:
     """Raises CompstiffError (CS3119) for a log that comes back to targets which it had left: several passes in one file, whose
-    means would be those of none. target (M,): -1 off the path."""
+    means would be those of none. target (M,): -1 off the path. driven: `Toolpath.driven`, the order in which a log names
+    targets."""
     rows = np.flatnonzero(target >= 0)
-    number, place = target[rows], log.place[rows]
+    number: Indices = target[rows]
+    place = log.place[rows]
+    if log.key == "target" and driven is not None:
+        # Targets that are not driven come last, and those that are driven again are left out.
+        found, places = np.unique(driven, return_index=True)
+        last = max(number.max(initial=0), found.max(initial=0))
+        turn: Indices = np.full(last + 1, len(driven), dtype=np.intp)
+        turn[found] = places
+        number = turn[number]
+        place = number.astype(float)
     furthest, least = np.maximum.accumulate(number), np.maximum.accumulate(place) - (0 if log.key == "target" else BACK_BY)
     back = (number < furthest - BACK) & (place < least)
     returned = np.unique(number[back])
@@ -58,5 +68,5 @@ def check_once(log: ForceLog, target: Indices) -> None:
     first = int(np.argmax(back))
     line = int(log.line[rows[first]])
     raise error("CS3119", f"the log comes back to {counted(len(returned), 'target')} that it had left, from target "
-                f"{furthest[first]} to {number[first]}: is it of several passes?", file=log.source, line=line,
+                f"{target[rows[first - 1]]} to {target[rows[first]]}: is it of several passes?", file=log.source, line=line,
                 hint="one pass a file, that of the program that is corrected; rows in the order of time")

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from compensator.forces.cut_direction import said_of_direction, travel
 from compensator.forces.detection import SIGMAS, over_noise, over_scatter, without_gaps
 from compensator.forces.driven_feed import said_of_feed
+from compensator.forces.driven_moves import as_driven
 from compensator.forces.late_forces import said_of_delay
 from compensator.forces.log import ForceLog, read_force_log
-from compensator.forces.log_path import on_path
 from compensator.forces.one_pass import check_once, said_of_lost, targets_of
 from compensator.forces.program_time import moves_in_air
 from compensator.forces.ripple import said_of_teeth
@@ -90,12 +90,12 @@ def place_forces(
     tare the scatter about each mean itself decides. trust_tare: one that the log speaks against is used, with a warning. Short
     gaps of small force inside a cut, at its feed, belong to the cut.
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, CS3119 it goes twice over it, and what
-    `on_path` and `zero_of` raise.
+    `as_driven` and `zero_of` raise.
     """
-    log, held = _without_held(on_path(log, path), path)
+    log, held = _without_held(as_driven(log, path), path)
     target = targets_of(log, path)
     on = target >= 0
-    check_once(log, target)
+    check_once(log, target, path.toolpath.driven)
     findings = said_of_lost(log, on)
     behind = None if log.key == "target" else log.place[on] > path.length[target[on]]
     here = slice(None) if on.all() else on

@@ -1,8 +1,8 @@
-"""The order in which a program drives its moves, by the calls of its routines: which moves are driven more than once, in
-another order than they stand in the text, or under what a caller switched: a displacement, a soft servo.
+"""The order in which a program drives its moves, by the calls of its routines: which moves are driven more than once, not at
+all, in another order than they stand in the text, or under what a caller switched: a displacement, a soft servo.
 
-Told by what the text shows: branches are taken as driven, WHILE as one turn (the cell that waits for the next part), calls by
-name at run time are not followed.
+Told by what the text shows: branches are taken as driven, WHILE as one turn (the cell that waits for the next part) unless it
+counts, error handlers and trap routines as not driven; calls by a name that is made at run time are not followed.
 """
 
 from __future__ import annotations
@@ -19,11 +19,14 @@ from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
 Mask = NDArray[np.bool_]
 # No more calls are followed: routines that call each other double with every level.
 MOST = 20_000
+# What calls a routine by a name that is made at run time.
+LATE = ("%", "callbyvar")
 
 
 class Step(NamedTuple):
-    """A statement that is no move: a call, the switch of a displacement or a soft servo, "for" or "endfor". at: how many
-    targets stand before it in the text; start: its offset; branch: whether it stands in an IF or TEST."""
+    """A statement that is no move: a call, the switch of a displacement or a soft servo, "for" or "endfor" (of a WHILE that
+    counts, too), "handler" where those of errors begin. at: how many targets stand before it in the text; start: its offset;
+    branch: whether it stands in an IF or TEST."""
 
     at: int
     name: str
@@ -33,10 +36,11 @@ class Step(NamedTuple):
 
 @dataclass(slots=True)
 class Routine:
-    """One routine of the text: its first target and its steps."""
+    """One routine of the text: its first target and its steps. kind: "proc", "func" or "trap"."""
 
     name: str
     first: int
+    kind: str = "proc"
     steps: list[Step] = field(default_factory=list)
 
 
@@ -52,10 +56,12 @@ class Driven(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Runs:
-    """One run of a program: its stretches in the order in which they are driven."""
+    """One run of a program: its stretches in the order in which they are driven. sure: the text settles which moves are
+    driven from these routines on, and how often."""
 
     driven: tuple[Driven, ...]
     count: int
+    sure: bool = False
 
     @property
     def displaced(self) -> Mask:
@@ -82,6 +88,14 @@ class Runs:
             change[stretch.stop] -= 1
         return np.cumsum(change)[:-1]
 
+    @property
+    def order(self) -> NDArray[np.intp] | None:
+        """The targets (D,) in the order in which they are driven; None where that is the order of the text, or is not sure."""
+        if not self.sure or not self.driven:
+            return None
+        order = np.concatenate([np.arange(stretch.first, stretch.stop) for stretch in self.driven])
+        return None if np.array_equal(order, np.arange(self.count)) else order
+
     def calls_of(self, which: Mask) -> list[int]:
         """Offsets of the calls that lead to some of the targets `which` (N,), each once, in the order of the run."""
         return list(dict.fromkeys(stretch.start for stretch in self.driven
@@ -99,15 +113,18 @@ class Runs:
 
 
 def runs_of(routines: list[Routine], count: int) -> Runs:
-    """How the program drives its `count` targets: from its routine main, or from all routines that no other calls."""
+    """How the program drives its `count` targets: from its routine main, or from all routines that no other calls but those of
+    traps."""
     numbers = {routine.name: number for number, routine in reversed(list(enumerate(routines)))}
     called = {numbers[step.name] for routine in routines for step in routine.steps if step.name in numbers}
-    roots = [number for number in range(len(routines)) if number not in called]
+    roots = [number for number, routine in enumerate(routines) if number not in called and routine.kind != "trap"]
     main = numbers.get("main", -1)
     run = _Run(routines, numbers, count)
     for root in [main] if main in roots else roots:
         run.drive(root, -1)
-    return Runs(tuple(run.driven), count)
+    # A function is called where its value is asked for, which is not looked at.
+    moving = any(routine.kind == "func" and run.stop(number) > routine.first for number, routine in enumerate(routines))
+    return Runs(tuple(run.driven), count, len(numbers) == len(routines) and run.sure and not moving)
 
 
 @dataclass(slots=True)
@@ -119,18 +136,25 @@ class _Run:
     count: int
     displaced: bool = False
     soft: bool = False
+    sure: bool = True
     calls: int = 0
     driven: list[Driven] = field(default_factory=list)
     under_way: list[int] = field(default_factory=list)
 
+    def stop(self, number: int) -> int:
+        """The first target behind a routine."""
+        return self.routines[number + 1].first if number + 1 < len(self.routines) else self.count
+
     def drive(self, number: int, start: int) -> None:
         if number in self.under_way or self.calls > MOST:
+            self.sure = False
             return
         self.calls += 1
         routine = self.routines[number]
-        stop = self.routines[number + 1].first if number + 1 < len(self.routines) else self.count
+        handler = next((k for k, step in enumerate(routine.steps) if step.name == "handler"), len(routine.steps))
+        stop = routine.steps[handler].at if handler < len(routine.steps) else self.stop(number)
         self.under_way.append(number)
-        steps = iter([*routine.steps, Step(stop, "endfor", -1)])
+        steps = iter([*routine.steps[:handler], Step(stop, "endfor", -1)])
         self._body(steps, routine.first, start)
         self.under_way.pop()
 
@@ -146,7 +170,10 @@ class _Run:
             if step.name == "for":
                 begin = len(self.driven)
                 first = self._body(steps, first, start)
+                self.sure &= len(self.driven) == begin
                 self.driven += self.driven[begin:]
+            elif step.name in LATE:
+                self.sure = False
             elif step.name in DISPLACEMENT:
                 self.displaced = DISPLACEMENT[step.name]
             elif step.name in SOFT_SERVO:

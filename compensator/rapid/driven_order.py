@@ -16,9 +16,10 @@ Flags = NDArray[np.bool_]
 NAMED = 4
 
 
-def said_of_order(program: RapidProgram, forced: Flags, key: str) -> list[Finding]:
+def said_of_order(program: RapidProgram, forced: Flags, key: str, *, followed: bool) -> list[Finding]:
     """Warnings: targets with force, forced (N,), are driven more than once (CS4117), or not in the order of the text (CS4118).
-    A log by path length counts along moves in the air, too; target numbers are those of the text."""
+    A log by path length counts along moves in the air, too; target numbers are those of the text. followed: the log is placed
+    along the moves as they are driven."""
     if not forced.any():
         return []
     runs = program.scan.runs
@@ -34,7 +35,7 @@ def said_of_order(program: RapidProgram, forced: Flags, key: str) -> list[Findin
                             "each time with the one correction of this log",
                             "right where each pass cuts alike, as on the next part; a second pass over the same stock is "
                             "pushed less, and comes out too deep: give it moves and a log of its own"))
-    if key == "target":
+    if key == "target" or followed:
         return findings
     whole = key == "path_mm"
     back = runs.first_back(np.ones_like(forced) if whole else forced & (times == 1))

@@ -75,7 +75,7 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
         confdata=confdata, has_confdata=has_confdata,
         external=nothing_or(external), joints=nothing_or(joints), tool=tails.tool, workobject=tails.workobject,
         feed=tails.feed, zone=tails.zone, block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
-        switched=tuple(scanned.units), together=together if together.any() else None,
+        switched=tuple(scanned.units), together=together if together.any() else None, driven=scanned.runs.order,
     )
     read_only(position, quaternion, toolpath.external, toolpath.joints, line, column, block, toolpath.confdata, has_confdata)
     return RapidProgram(toolpath, source, scanned, values, rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 from compensator.rapid.calls import Routine, Step
@@ -15,6 +16,7 @@ from compensator.toolpath import Move
 from identification.common.findings import CompstiffError
 
 _CLASSES = ("const", "pers", "var")
+_ROUTINES = ("proc", "func", "trap")
 _MODES = ("var", "pers", "inout", "in")
 # Words no statement contains: where one turns up, the semicolon before it is missing.
 _FOREIGN = frozenset((
@@ -23,7 +25,23 @@ _FOREIGN = frozenset((
 ))
 # What opens and what closes a block of statements.
 _OPENS, _CLOSES = ("for", "while", "if", "test"), ("endfor", "endwhile", "endif", "endtest")
+# What begins the part of a routine that is not driven as long as nothing goes wrong.
+_HANDLERS = ("error", "undo", "backward")
+# Instructions that count their first argument.
+_COUNTS = ("incr", "decr", "add")
 _MOVES = {"movel": Move.LINEAR, "movej": Move.JOINT, "moveabsj": Move.ABSOLUTE, "moveldo": Move.LINEAR, "movejdo": Move.JOINT}
+
+
+@dataclass(slots=True)
+class _While:
+    """An open WHILE: its offset, the targets and the steps of the routine before it, the names in its condition, and whether
+    one of them is counted on in it."""
+
+    start: int
+    at: int
+    names: set[str]
+    steps: int
+    counts: bool = False
 
 
 class Statements:
@@ -36,6 +54,7 @@ class Statements:
         self.open_module = -1           # where the module, the routine begins that has not ended yet
         self.open_routine = -1
         self.blocks: list[str] = []     # those that are open where the pass stands
+        self.waits: list[_While] = []   # likewise
 
     def unit(self, kind: str, start: int, end: int) -> None:
         if kind in ("module", "endmodule"):
@@ -54,7 +73,7 @@ class Statements:
             self.open_routine = start
             self.scan.enter(Scope(self.module, self.routine))
             self._parameters(tokens(self.scan.source, start, end))
-            self.blocks = []
+            self.blocks, self.waits = [], []
         elif kind == "endroutine":
             self.open_routine = -1
             self.scan.enter(Scope(self.module, -1))
@@ -65,12 +84,19 @@ class Statements:
                 self.blocks.append(words[0].word)
             if words[0].word == "for":
                 self._step("for", start)
+            elif words[0].word == "while":
+                self.waits.append(_While(start, len(self.scan.move), {word.word for word in words[1:] if word.kind == "name"},
+                                         len(self.scan.bodies[-1].steps) if self.scan.bodies else 0))
         elif kind == "word":
             word = tokens(self.scan.source, start, end)[0].word
             if word in _CLOSES and self.blocks:
                 self.blocks.pop()
             if word == "endfor":
                 self._step("endfor", start)
+            elif word == "endwhile" and self.waits:
+                self._while_ends(self.waits.pop(), start)
+            elif word in _HANDLERS:
+                self._step("handler", start)
         elif kind == "statement":
             self._statement(tokens(self.scan.source, start, end))
 
@@ -94,7 +120,8 @@ class Statements:
         """`PROC name(type a, \\switch b | PERS tooldata c, ...)`: every parameter is data of the routine."""
         at = next((i for i, word in enumerate(words) if word.word == "("), len(words) - 1)
         name = words[at - 1].word
-        self.scan.bodies.append(Routine(name, len(self.scan.move)))
+        kind = next((word.word for word in words[:at - 1] if word.word in _ROUTINES), "proc")
+        self.scan.bodies.append(Routine(name, len(self.scan.move), kind))
         parameters = self.scan.routines.setdefault(name, [])
         group: list[Token] = []
         optional, position = False, 0
@@ -130,10 +157,32 @@ class Statements:
             return
         else:
             self._complete(words)
-            if first.kind != "name":
-                uses.reads(words, scope, "%" if first.word == "%" else "")
+            self._count(words)
+            if first.word == "%":
+                self._by_name(words)
+            elif first.kind != "name":
+                uses.reads(words, scope)
             elif not uses.assignment(words, scope):
                 self._call(words)
+
+    def _by_name(self, words: list[Token]) -> None:
+        """`%name%` calls a routine by its name: one that stands there in quotes, or one that is made at run time."""
+        self.scan.uses.reads(words, self.scan.scope, "%")
+        written = words[1].kind == "string" and words[2].word == "%"
+        self._step(self.scan.source.fold(words[1].text.strip(b'"')) if written else "%", words[0].start)
+
+    def _count(self, words: list[Token]) -> None:
+        """Tells an open WHILE that what its condition asks for is counted on: `n:=n+1`, `Incr n`."""
+        name = words[1].word if words[0].word in _COUNTS else words[0].word
+        counted = words[0].word in _COUNTS or (words[1].word == ":=" and name in [word.word for word in words[2:]])
+        for wait in self.waits:
+            wait.counts |= counted and name in wait.names
+
+    def _while_ends(self, wait: _While, end: int) -> None:
+        """A WHILE that counts is a loop as FOR is."""
+        if wait.counts and self.scan.bodies and self.scan.scope.routine >= 0:
+            self.scan.bodies[-1].steps.insert(wait.steps, Step(wait.at, "for", wait.start))
+            self._step("endfor", end)
 
     def _step(self, name: str, start: int) -> None:
         if self.scan.bodies and self.scan.scope.routine >= 0:

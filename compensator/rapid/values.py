@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from compensator.rapid.arithmetic import arithmetic
 from compensator.rapid.expressions import Cursor, Expr, expression
-from compensator.rapid.lexer import tokens
+from compensator.rapid.lexer import Token, tokens
 from compensator.rapid.scopes import Names, Scope
 from compensator.rapid.text import Source
 
@@ -45,6 +46,7 @@ class Values:
     names: Names
     changing: frozenset[int]
     _parsed: dict[int, Expr] = field(default_factory=dict)
+    _under_way: set[str] = field(default_factory=set)
 
     def follow(self, expr: Expr, scope: Scope, *types: str) -> Site | Unsettled:
         """From a name or array element to what it is declared as, through aliases; anything else as it stands.
@@ -139,7 +141,7 @@ class Values:
         return tuple(components)
 
     def number(self, expr: Expr, scope: Scope, what: str) -> float | Unsettled:
-        """A number, or a CONST num: only a constant cannot have changed by the time the move runs."""
+        """A number, a CONST num, or arithmetic of such: only a constant cannot have changed by the time the move runs."""
         if expr.kind == "name":
             site = self.follow(expr, scope, "num")
             if isinstance(site, Unsettled):
@@ -149,11 +151,23 @@ class Values:
             expr = site.expr
         if expr.kind in ("string", "aggregate", "star"):
             raise self.source.fail("CS2005", f"found {self.spelled(expr)}, expected a number: {what}", expr.start)
+        if expr.kind == "other":
+            value = arithmetic(tokens(self.source, expr.start, expr.end), lambda token: self._constant(token, scope))
+            return Unsettled("CS2017", f"{what}: {describe(expr, self.source)}") if value is None else value
         if expr.kind != "number":
             return Unsettled("CS2017", f"{what}: {describe(expr, self.source)}")
         if abs(expr.value) == float("inf"):
             raise self.source.fail("CS2005", f"found {self.spelled(expr)}, expected a finite number: {what}", expr.start)
         return expr.value
+
+    def _constant(self, token: Token, scope: Scope) -> float | None:
+        """The value of a CONST num by its name; None where it is none, or is declared by itself."""
+        if token.word in self._under_way:
+            return None
+        self._under_way.add(token.word)
+        value = self.number(Expr("name", token.start, token.end, token.word), scope, token.word)
+        self._under_way.remove(token.word)
+        return None if isinstance(value, Unsettled) else value
 
     def flag(self, expr: Expr, scope: Scope, what: str) -> bool | Unsettled:
         """TRUE or FALSE, or a constant of type bool."""

@@ -84,7 +84,8 @@ def _steps(plan: DesignPlan) -> list[Step]:
         return [Step("Drive the poses in manual mode first: collisions were not checked. Measure them, append the rows to your "
                      "measurements, and diagnose again:", call("diagnose", cell, "measurements.csv", "-o", "diagnosis.json"))]
     return [Step("Drive the poses in manual mode first: collisions were not checked. Measure, fill in dx_um dy_um dz_um of "
-                 "the plan, then:", call("identify", cell, "plan.csv", "-o", "stiffness.json", "--report", "identify.html"))]
+                 "the plan, save it as measurements.csv, then:",
+                 call("identify", cell, "measurements.csv", "-o", "stiffness.json", "--report", "identify.html"))]
 
 
 def _visits(sheet: Sheet) -> ReportTable:

@@ -36,8 +36,8 @@ def moving_zero(fitted: Posterior) -> list[Finding]:
     return [Finding("CS1734", "warning", f"the zero moves between the poses: all readings of a pose are off together, by "
                     f"{size:.2g} um, {components.offset:.1f} times the {usual:.2g} um of re-seating that {against}; farthest "
                     f"{where}", file=rows.source,
-                    hint="read the unloaded zero anew at every pose, just before the loads; see whether a sensor, its stand or "
-                    "the target was touched between poses")]
+                    hint="read the unloaded zero anew at every pose, just before the loads, and take it off the pose's "
+                    "readings; see whether a sensor, its stand or the target was touched between poses")]
 
 
 def _name(rows: Measurements, mine: np.ndarray) -> str:

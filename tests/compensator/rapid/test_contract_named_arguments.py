@@ -31,7 +31,7 @@ def test_named_arguments_mean_what_the_plain_ones_mean(named, plain):
 def test_operators_that_are_words_stand_in_arguments(value):
     """RAPID has DIV, MOD, AND, OR, XOR and NOT beside the marks: the statement is read, and what follows is as ever."""
     same(path(f"MoveL {A},v100\\V:={value},z1,tool0;\nMoveL {B},v100,z1,tool0;"),
-         path(f"MoveL {A},v100\\V:=100+0,z1,tool0;\nMoveL {B},v100,z1,tool0;"))
+         path(f"MoveL {A},v100\\V:=Abs(100),z1,tool0;\nMoveL {B},v100,z1,tool0;"))
 
 
 @pytest.mark.parametrize(("body", "column", "says"), [

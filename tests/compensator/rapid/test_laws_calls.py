@@ -39,11 +39,39 @@ def unrolled(run: Runs) -> list[int]:
     ({"main": "IF a rA; IF NOT a rA;", "rA": "m;"}, [0]),
     ({"rA": "m; rA;", "main": "rA;"}, [0]),
     ({"rA": "m;", "rB": "m;"}, [0, 1]),
+    ({"main": "rA; m;", "rA": "m; ERROR m; RETRY;"}, [1, 0]),
+    ({"main": "FOR i FROM 1 TO 2 DO m; ENDFOR m; UNDO m;"}, [0, 0, 1]),
+    ({"main": 'rA; %"RB"%;', "rB": "m;", "rA": "m;"}, [1, 0]),
+    ({"main": "WHILE i<9 DO m; i:=i+1; ENDWHILE m;"}, [0, 0, 1]),
+    ({"main": "WHILE i<9 DO WHILE wait DO m; ENDWHILE Incr i; ENDWHILE"}, [0, 0]),
+    ({"main": "WHILE i<9 DO m; i:=GInput(giPart); n:=n+1; ENDWHILE"}, [0]),
 ])
 def test_the_moves_as_they_are_driven(routines: dict[str, str], driven: list[int]) -> None:
     run = runs(**routines)
     assert unrolled(run) == driven
     assert run.times.tolist() == [driven.count(number) for number in range(run.count)]
+
+
+@pytest.mark.parametrize(("routines", "order"), [
+    ({"main": "m; m;"}, None),
+    ({"main": "rA; rB;", "rB": "m;", "rA": "m; m;"}, [1, 2, 0]),
+    ({"main": "rA;", "rB": "m;", "rA": "m; ERROR m;"}, [1]),
+    ({"main": "rB; rA; rB;", "rA": "m;", "rB": "m;"}, [1, 0, 1]),
+    ({"rA": "m; ERROR m;", "rB": "m;"}, [0, 2]),
+    ({"main": "FOR i FROM 1 TO n DO rB; ENDFOR rA;", "rA": "m;", "rB": "m;"}, None),    # how often is not said
+    ({"main": '%"r"+name%; rA;', "rB": "m;", "rA": "m;"}, None),                        # nor which
+    ({"main": 'CallByVar "r",n; rA;', "rB": "m;", "rA": "m;"}, None),
+])
+def test_the_order_is_told_where_the_text_settles_it(routines: dict[str, str], order: list[int] | None) -> None:
+    found = runs(**routines).order
+    assert (None if found is None else found.tolist()) == order
+
+
+def test_a_function_that_moves_leaves_the_order_open() -> None:
+    moves = f"MoveL {target(0)},v100,z1,tool0;"
+    text = f"MODULE M\nPROC main()\nrA;\nn:=fCut();\nENDPROC\nFUNC num fCut()\n{moves}\nRETURN 1;\nENDFUNC\n" \
+           f"PROC rA()\n{moves}\nENDPROC\nENDMODULE\n"
+    assert read_rapid(text.encode()).scan.runs.order is None
 
 
 @pytest.mark.parametrize(("routines", "displaced"), [

@@ -39,6 +39,10 @@ def job(folder: Path, path: Path3, main: str, header: str = "x_mm,y_mm,z_mm", fi
     ("rHome;\nWHILE TRUE DO\nrCut;\nENDWHILE", False),
     ("rCut;\nrCut;", True),
     ("rHome;\nFOR i FROM 1 TO 2 DO\nrCut;\nENDFOR", True),
+    ("VAR num n:=0;\nrHome;\nWHILE n<2 DO\nrCut;\nn:=n+1;\nENDWHILE", True),
+    ("VAR num n:=0;\nrHome;\nWHILE n<2 DO\nrCut;\nIncr n;\nENDWHILE", True),
+    ('rHome;\n%"rCut"%;\n%"rCut"%;', True),
+    ("VAR bool last;\nWHILE NOT last DO\nrCut;\nlast:=TestDI(diLast);\nENDWHILE", False),
 ])
 def test_targets_that_cut_twice_are_told(tmp_path: Path, main: str, told: bool) -> None:
     result = job(tmp_path, line(20, 10), main).correct("--json")
@@ -56,9 +60,11 @@ def test_a_routine_called_under_a_displacement_is_left_as_it_is(tmp_path: Path, 
 
 
 @pytest.mark.parametrize(("header", "main", "told"), [
-    ("path_mm", "rCut;\nrHome;", False), ("path_mm", "rHome;\nrCut;", True), ("x_mm,y_mm,z_mm", "rHome;\nrCut;", False)])
+    ("path_mm", "rCut;\nrHome;", False), ("path_mm", "rHome;\nrCut;", False), ("x_mm,y_mm,z_mm", "rHome;\nrCut;", False),
+    ("path_mm", "FOR i FROM 1 TO 2 DO\nrHome;\nENDFOR\nrCut;", True)])
 def test_path_lengths_of_another_order_are_told(tmp_path: Path, header: str, main: str, told: bool) -> None:
-    """rHome stands behind rCut in the text: driven before it, the path length of the log begins with it."""
+    """rHome stands behind rCut in the text: driven before it, the path length of the log begins with it. It is told where the
+    text does not say how often it is driven."""
     result = job(tmp_path, line(20, 10), main, header).correct("--json")
     assert result.code == 0
     assert ("CS4118" in kit.codes(result)) == told

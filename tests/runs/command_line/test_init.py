@@ -7,6 +7,7 @@ import json
 import os
 import re
 import select
+import shlex
 import subprocess
 import sys
 import time
@@ -122,6 +123,15 @@ def test_a_plan_that_was_filled_in_is_not_written_over(cell: Path) -> None:
     assert make(cell, "plan").returncode == 0
     assert kit.run("design", cell / "cell.yaml", "--quick", "-o", plan).code == 1
     assert plan.read_bytes() == content
+
+
+def test_the_filled_plan_is_saved_where_the_chain_reads_it(cell: Path, tmp_path: Path) -> None:
+    result = kit.run("design", cell / "cell.yaml", "--quick", "--measurements", "2", "-o", tmp_path / "plan.csv")
+    table = tmp_path / "measurements.csv"
+    words = shlex.split(result.err.strip().splitlines()[-1])
+    assert words[words.index("save"):words.index("-o")] == [
+        "save", "it", "as", f"{table},", "then", "compstiff", "identify", str(cell / "cell.yaml"), str(table)]
+    assert "measurements.csv" in make(cell, "-n", "identify").stdout
 
 
 def test_a_folder_that_exists_is_left_as_it_is(cell: Path) -> None:

@@ -1,0 +1,53 @@
+"""The moves of a program in the order in which its calls drive them, and where a place on that way is in that of the text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.path.robot_path import RobotPath, robot_path
+from identification.common.arrays import Array
+
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenPath:
+    """path: by the text; run: as driven; order (D,): the targets of the text in that order."""
+
+    path: RobotPath
+    run: RobotPath
+    order: Indices
+
+    @property
+    def first(self) -> Flags:
+        """The targets (D,) that are driven for the first time."""
+        return np.isin(np.arange(len(self.order)), np.unique(self.order, return_index=True)[1])
+
+    def in_text(self, place: Array) -> tuple[Array, Flags]:
+        """Places (M,) [m] along the run by the path length of the text, and whether the target each is nearest to is driven for
+        the first time. Where a call leads on, the text has another move to the next target: a place is at the nearer end."""
+        order, along, length = self.order, self.run.length, self.path.length
+        at = np.clip(place, 0.0, along[-1])
+        behind = np.clip(np.searchsorted(along, at), 1, len(order) - 1)
+        before = behind - 1
+        start, end = order[before], order[behind]
+        way = along[behind] - along[before]
+        share = (at - along[before]) / np.where(way > 0, way, 1.0)
+        nearer = np.where(share > 0.5, behind, before)
+        within = length[start] + share * (length[end] - length[start])
+        return np.where(end == start + 1, within, length[order[nearer]]), self.first[nearer]
+
+
+def driven_path(path: RobotPath) -> DrivenPath | None:
+    """None where that is the order of the text, or cannot be told: a target of unknown place, external axes that move."""
+    order = path.toolpath.driven
+    if order is None or len(order) < 2 or path.axes.moves:
+        return None
+    run = robot_path(path.toolpath.taken(order), path.cell)
+    if not (np.isfinite(run.length).all() and np.isfinite(path.length).all()):
+        return None
+    return DrivenPath(path, run, order)
