@@ -41,7 +41,8 @@ class Measurements:
     sigma (N, 3) the row's own 1 sigma [m], NaN where the file gives none; time, dwell (N,) [s], NaN where not given;
     visit (N,) number of the pose visit, from 0; reference (N,) number of the unloaded reference, from 0;
     validate (N,) True for rows that are never fitted; machined_pass, pose (N,) labels, "" where none;
-    row (N,) from 1, and line (N,) in the file; sha256 of its bytes, "" where the rows are of no file.
+    row (N,) from 1, and line (N,) in the file; sha256 of its bytes, "" where the rows are of no file; began: time [s] of the
+    file's first row that has one, whichever rows these are.
     """
 
     source: str
@@ -60,6 +61,7 @@ class Measurements:
     line: NDArray[np.intp]
     findings: tuple[Finding, ...]
     sha256: str = ""
+    began: float = 0.0
 
     def __len__(self) -> int:
         return len(self.line)
@@ -85,7 +87,7 @@ class Measurements:
                 "theta", "wrench", "deflection", "sigma", "time", "dwell", "visit", "reference", "row", "line")}
         labels: dict[str, Any] = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in (
             "validate", "machined_pass", "pose")}
-        return Measurements(source=self.source, findings=self.findings, **arrays, **labels)
+        return Measurements(source=self.source, findings=self.findings, began=self.began, **arrays, **labels)
 
 
 def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bool = False) -> Measurements:
@@ -110,6 +112,7 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
     cell, robot = (robot, robot.robot) if isinstance(robot, Cell) else (None, robot)
     count = len(table)
     nothing = np.full(count, np.nan)
+    time = table.numbers.get("time_s", nothing)
     theta = np.radians(table.stack(*JOINTS))
     moment = np.column_stack([table.numbers.get(name, np.zeros(count)) for name in MOMENTS])
     wrench = np.concatenate([_forces(table, cell), moment], axis=1)
@@ -125,14 +128,20 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
     _check_sizes(table, wrench, deflection)
     return Measurements(
         source=table.source, theta=theta, wrench=wrench, deflection=deflection, sigma=sigma,
-        time=table.numbers.get("time_s", nothing), dwell=table.numbers.get("dwell_s", nothing),
+        time=time, dwell=table.numbers.get("dwell_s", nothing),
         visit=_visits(table, theta), reference=run_numbers(table.texts.get("reference", np.full(count, "", dtype=object))),
         validate=purpose == "validate", machined_pass=table.texts.get("pass", np.full(count, "", dtype=object)),
         pose=table.texts.get("pose", np.full(count, "", dtype=object)), row=np.arange(1, count + 1), line=table.line,
         findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table),
                        *_slow(table), *([] if planned else _repeated(table, wrench, deflection, _visits(table, theta))),
                        *_not_moved(table, wrench, deflection)]),
-        sha256=sha256(file))
+        sha256=sha256(file), began=_began(time))
+
+
+def _began(time: Array) -> float:
+    """The first time (N,) [s] that there is, 0 where there is none."""
+    known = time[~np.isnan(time)]
+    return float(known[0]) if len(known) else 0.0
 
 
 def _forces(table: Table, cell: Cell | None) -> Array:

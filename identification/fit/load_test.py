@@ -44,5 +44,5 @@ class LoadTest:
         return LoadState(
             robot=cell.robot, flange_from_tcp=cell.flange_from_tcp,
             theta=sagged_angles(cell.robot, rows.theta, compliance, fall, mass, centre), wrench=rows.wrench,
-            compliance=compliance, visit=rows.visit, reference=rows.reference, time=rows.time, dwell=rows.dwell, row=rows.row,
-            labels=rows.pose, fall=fall, tool_mass=mass, tool_centre=centre)
+            compliance=compliance, visit=rows.visit, reference=rows.reference, time=rows.time - rows.began, dwell=rows.dwell,
+            row=rows.row, labels=rows.pose, fall=fall, tool_mass=mass, tool_centre=centre)

@@ -31,7 +31,7 @@ class LoadState:
 
     theta (n, 6) controller angles [rad]; wrench (n, 6) on the tool at the TCP, base frame [N, N m]; compliance (6,)
     [rad/(N m)]; visit (n,) number of the pose visit: load history starts from zero at each; reference (n,) number of the
-    unloaded reference; time (n,) [s] since that reference, dwell (n,) [s], NaN where not known; labels (n,) of the poses;
+    unloaded reference; time (n,) [s] since the file's first row, dwell (n,) [s], NaN where not known; labels (n,) of the poses;
     row (n,) number of the row in its file, from 1.
     fall (3,) acceleration of free fall in the base frame; tool_mass [kg] and tool_centre (3,) [m] in the flange frame.
     at_load: theta is the loaded pose itself (a planned toolpath), not the commanded one; then flange_from_tcp may be one frame

@@ -48,7 +48,7 @@ class Mistake:
 
 
 def table_mistake(
-    key: str, sentence: str, settles: str, change: Callable[[LoadTest], dict[str, Array]], *, usual: bool = True,
+    key: str, sentence: str, settles: str, change: Callable[[LoadTest], dict[str, Any]], *, usual: bool = True,
     scale: Array | None = None, in_part: bool = False, from_a_row: bool = False,
 ) -> Mistake:
     """A mistake in columns of the table; change: the mended columns, by their names in Measurements."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,13 +137,19 @@ def time_mistake(data: LoadTest) -> Mistake | None:
         return table_mistake(
             "time_unit[ms]", f"time_s{also} seem{'' if also else 's'} to be in ms in {{rows}}: rows of one visit follow each "
             f"other after {typical / 3600:.1f} hours", settles,
-            lambda other: {"time": 1e-3 * other.rows.time, "dwell": (1e-3 if also else 1.0) * other.rows.dwell})
+            lambda other: in_other_units(other, 1e-3, 1e-3 if also else 1.0))
     return None
 
 
 def _times(name: str, sentence: str, settles: str, time: float, dwell: float, ratio: float) -> Mistake:
     why = f": loads were on {ratio:.0f} times as long as there was time between the rows"
     return table_mistake(f"time_unit[{name}]", sentence + why, settles,
-                         lambda other: {"time": time * other.rows.time, "dwell": dwell * other.rows.dwell})
+                         lambda other: in_other_units(other, time, dwell))
+
+
+def in_other_units(data: LoadTest, time: float, dwell: float) -> dict[str, Any]:
+    """Times and dwells of the rows times these."""
+    rows = data.rows
+    return {"time": time * rows.time, "began": time * rows.began, "dwell": dwell * rows.dwell}
 
 

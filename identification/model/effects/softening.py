@@ -63,6 +63,5 @@ class Softening(_Softening):
 
 
 def since_first(rows: LoadState) -> Array:
-    """Time (n,) [s] since the first row."""
-    time = clock(rows)
-    return np.asarray(np.nan_to_num(time - np.nanmin(time)))
+    """Time (n,) [s] since the first row of the file."""
+    return np.asarray(np.nan_to_num(clock(rows)))

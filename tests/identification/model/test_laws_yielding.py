@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from identification.fit.load_test import LoadTest
+from identification.measurements import read_measurements
+from identification.model.cell import read_cell
 from identification.model.effects import effects
 from identification.model.law_of import known
 from identification.model.load_state import LoadState, load_state
 from identification.model.rotations import Frame
-from tests.support import random_poses, robot
+from tests.support import random_poses, robot, write_cell
 
 TOOL = Frame(np.eye(3), np.array([0.1, 0.0, 0.2]))
 COMPLIANCE = 1 / np.array([1.6e6, 5.1e6, 1.5e6, 0.5e6, 0.2e6, 0.08e6])
@@ -324,3 +328,18 @@ def test_a_gear_that_softens_is_a_softer_spring_afterwards(law: str) -> None:
         assert [shape.effect.where for shape in shapes] == [{"row": rows.row[7 * k]} for k in (1, 2, 3)]
         moved, share = shapes[1].effect.contribution(rows, 5, np.array([0.2])), (rows.visit >= 2).astype(float)
     assert_allclose(moved, share[:, None] * softer, atol=1e-15)
+
+
+def test_a_warm_up_goes_on_in_the_rows_that_are_not_fitted(tmp_path: Path) -> None:
+    """Rows read by a clock that began at 7200 s: how soft the robot is at the last of them goes by the time since the first row
+    of the file, whichever rows are asked about."""
+    cell_file = write_cell(tmp_path)
+    header = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,dx_um,dy_um,dz_um,time_s,purpose"
+    lines = [f"{10 * k},20,10,5,40,0,300,0,0,100,0,0,{7200 + 600 * k},{'validate' if k > 2 else 'identify'}" for k in range(6)]
+    (tmp_path / "rows.csv").write_text("\n".join([header, *lines]) + "\n")
+    cell = read_cell(cell_file)
+    data = LoadTest.of(cell, read_measurements(tmp_path / "rows.csv", cell))
+    for chosen in (np.arange(6) >= 0, data.rows.validate):
+        rows = data.with_rows(data.rows.select(chosen)).load_state(COMPLIANCE)
+        softer = effects()["softening"].contribution(rows, None, np.array([0.3]))
+        assert_allclose(softer, 0.3 * (np.arange(6)[chosen] / 6)[:, None] * rows.elastic, atol=1e-15)
