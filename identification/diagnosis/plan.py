@@ -147,8 +147,9 @@ class VisitInformation:
 
 def visit_information(cell: Cell, planned: Measurements, log_compliance: Array) -> VisitInformation:
     """Of planned rows, the arm linearised at ln c (6,). Of a cause with several shapes the one in the middle of the range.
-    Causes that are bound to a place in the table are left out: they hang on the order of the visits."""
-    catalogue = {name: effect for name, effect in effects().items() if not effect.where}
+    Causes that are bound to a place in the table, or go with the time that it took, are left out: they hang on the order of the
+    visits."""
+    catalogue = {name: effect for name, effect in effects().items() if not effect.where and not effect.unsettles}
     data = _planned(cell, planned)
     base, dictionary, _ = _linearised(data, log_compliance, catalogue)
     columns, labels = [base.design], []

@@ -17,7 +17,7 @@ from tests.desk_world import TERMS, desk
 from tests.runs.hidden_effects.cases import hidden_in
 from tests.runs.hidden_effects.hide_and_diagnose import Place, Run, check_answer, run
 from tests.runs.hidden_effects.judge import Answer, Targets, answer, judge, label, permuted, truth_names
-from tests.runs.hidden_effects.places import ALL, IN_MOTION, OUTSIDE, check_unknown, each
+from tests.runs.hidden_effects.places import ALL, IN_MOTION, OUTSIDE, answered, check_unknown, each
 from tests.runs.hidden_effects.visible import visible
 from tests.support import compstiff_process
 from tests.virtual_cell.cell import DICTIONARY, Hidden, simulate
@@ -63,6 +63,15 @@ def test_absent_is_not_named(where: Place) -> None:
 @pytest.mark.parametrize(("hidden", "seed"), OUTSIDE, ids=[hidden.effect for hidden, _ in OUTSIDE])
 def test_what_the_dictionary_does_not_know_is_unknown(hidden: Hidden, seed: int) -> None:
     check_unknown(hidden, seed)
+
+
+def test_gears_that_warm_up_are_named_with_how_soon() -> None:
+    """By rows that were not fitted, too: there the robot is as warm as it was then."""
+    found = answered(1, Hidden("warm_gears", None, 1.5))
+    (cause,) = found.content["causes"]
+    assert cause["effect"] == "softening"
+    for value, truth in zip(cause["parameters"].values(), (0.18, 2400.0), strict=True):
+        assert abs(value["estimate"] - truth) < 3 * value["std"] < 0.3 * truth
 
 
 PAIRS = ((Hidden("backlash", 5, 1.5), Hidden("base_rocking", None, 1.0), 1), (Hidden("drift"), Hidden("hysteresis", 1), 2),
