@@ -14,7 +14,7 @@ import compstiff as compstiff_api
 from compensator.modbus.server import Loopback
 from compstiff.cli.push import push
 from tests.compensator.modbus import tables_and_devices as kit
-from tests.support import compstiff, free_port, started
+from tests.support import compstiff_process, free_port, started
 
 LIMITS = "limits: {max_offset_mm: 2.0}"
 
@@ -220,11 +220,11 @@ def test_a_log_that_cannot_be_written_stops_the_push(tmp_path):
 
 def test_the_cell_command_says_what_is_wrong(tmp_path, listener):
     described = cell_yaml(tmp_path, listener.getsockname()[1])
-    busy = compstiff("cell", described)
+    busy = compstiff_process("cell", described)
     assert busy.returncode == 1
     assert "CS5103: cannot listen on 127.0.0.1" in busy.stderr
-    assert compstiff("cell", described, "--tls-key", described).returncode == 2
-    wrong = compstiff("cell", described, "--tls-key", described, "--tls-ca", described, "--tls-cert", described)
+    assert compstiff_process("cell", described, "--tls-key", described).returncode == 2
+    wrong = compstiff_process("cell", described, "--tls-key", described, "--tls-ca", described, "--tls-cert", described)
     assert wrong.returncode == 1
     assert "CS5105" in wrong.stderr
 
