@@ -26,8 +26,7 @@ def as_driven(log: ForceLog, path: RobotPath) -> ForceLog:
 
     Raises what `on_path` raises.
     """
-    by_marks = any(finding.code == "CS3090" for finding in log.findings)       # along the text already
-    if log.on_path or log.key == "target" or log.predicted is not None or by_marks:
+    if log.on_path or log.key == "target" or log.predicted is not None:
         return on_path(log, path)
     driven = driven_path(path)
     if driven is None or (log.key == "path_mm" and _of_text(

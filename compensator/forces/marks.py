@@ -61,7 +61,7 @@ def placed_by_marks(log: ForceLog, form: ForceLogFile, path: RobotPath, target: 
     left = f"; {counted(outside, 'row')} before the first and behind the last left out" if outside else ""
     note = Finding("CS3090", "note", f"placed by the {len(target)} edges of {MARK}, at targets {target[0]} to {target[-1]}, at "
                    f"steady feed between them{left}", file=log.source)
-    return replace(log, key="path_mm", place=place, findings=(*log.findings, note))
+    return replace(log, key="path_mm", place=place, on_path=True, findings=(*log.findings, note))
 
 
 def _names(file: Path, form: ForceLogFile) -> Sequence[str]:

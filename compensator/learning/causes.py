@@ -104,7 +104,8 @@ def ask(fitted: FittedPart, predicted: Predicted, seed: int = 0) -> Asked:
         return Asked(None, plain, f"the program has {count} targets, causes are looked for in up to {MOST_TARGETS}")
     rng = np.random.default_rng(seed)
     whole, start = fitted.all_terms, replace(fitted.sizes, length=fitted.length)
-    terms = whole.select(_placed(whole, start))
+    placed = _placed(whole, start)
+    terms = whole.select(placed)
     state, targets = _state(fitted, predicted), predicted.targets
     prior = terms.physical_prior
     rows = PartRows(state, lambda moved: terms.rows.seen(moved[targets]), _factor(terms, _sizes(terms, start)),
@@ -122,7 +123,7 @@ def ask(fitted: FittedPart, predicted: Predicted, seed: int = 0) -> Asked:
         chosen = seen.hypotheses[0]
         tried.add(chosen.key)
         blurred = _blurred(whole, predicted, [moved[targets] for moved in moved_by(rows, seen, chosen)])
-        terms = blurred.select(_placed(whole, start))
+        terms = blurred.select(placed)
         sizes = _sizes(_with(terms, columns_of(rows, seen, chosen)), start)
         rows = replace(rows, factor=_factor(terms, sizes))
     after = enough(rows, seen, seen.hypotheses[0], rng) if seen.hypotheses else first

@@ -119,8 +119,8 @@ class Seats(GearTwist):
     def missing(self, rows: LoadState) -> str:
         if rows.starts.sum() < FEWEST_POSES:
             return "there are too few poses"
-        left = np.abs(_largest_so_far(rows) - rows.torque) > REMEMBERED * np.abs(_largest_so_far(rows))
-        return "" if left.any() else NO_LOAD_OFF
+        largest = _largest_so_far(rows)
+        return "" if np.any(np.abs(largest - rows.torque) > REMEMBERED * np.abs(largest)) else NO_LOAD_OFF
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         return np.asarray(values[0] * rows.compliance[i] * _largest_so_far(rows)[:, i])
