@@ -11,8 +11,8 @@ Each is made in a copy of the tree. Tests that reach its statement judge it, tho
 cheapest first, until they would take --budget seconds of the processor; for a statement outside functions (a limit, a table)
 those that reach a line which names what it sets. A test that fails notices it, and is tried once on the tree as it is, where
 it must pass. What takes five times as long as the map says has hung. What was judged stands in a file of JSON lines, and is
-not judged again: the same call goes on. Printed: by room. Survivors whose change nobody can see are in EQUIVALENT, each with
-its reason.
+not judged again: the same call goes on. Printed: by room. Survivors whose change nobody can see are in
+equivalent_mutants.py, each with its reason.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from benchmarks.equivalent_mutants import EQUIVALENT
 from benchmarks.reached import Map
 
 ROOT = Path(__file__).parents[1]
@@ -53,79 +54,6 @@ SWAPS = {**dict(PAIRS), **{other: one for one, other in PAIRS}, "**": "*", "//":
 PYTEST = (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts=")
 # Where a change is of no behaviour: words for people, types, what is imported for the type checker alone.
 NO_CODE = re.compile(r"^\s*(@|from |import |def |class |if TYPE_CHECKING|raise error|hint=|f?\"|\w+: [A-Z][\w\[\], .|]*$)")
-# Survivors whose change nobody can see: file, line's text, change, and why.
-EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
-    ("compensator/rapid/text.py", "second = np.where(returns + 1 < last, array[np.minimum(returns + 2, last)], 0)", "< -> <=",
-     "on the last byte but one, `second` is then `following` itself, which is not CR and LF at once"),
-    ("compensator/correction/posture.py", "if (excess > 1e-9).any():", "> -> >=", "a tolerance, met exactly by no angle"),
-    ("compensator/cutting/coefficients.py",
-     "if np.abs(covariance).max() > 1e18 or np.abs(part.mean).max() > 1e9 or (", "> -> >=",
-     "a bound beyond all sense, on either side of which nothing is told"),
-    ("compensator/cutting/chips.py", "length = edge / np.maximum(depth, 1e-300)", "1e-300 -> (1e-300 * 2)",
-     "keeps a depth of nothing from dividing, smaller than any depth"),
-    ("identification/common/locks.py", "if time.monotonic() > until:", "> -> >=", "an instant of a clock"),
-    ("identification/design/domain.py", "inside = self.rig.cell.robot.limits + self.margins.joint * np.array([1.0, -1.0])",
-     "* -> /", "by plus and minus one"),
-    ("identification/design/discrimination.py", "if self.after > DOUBTFUL:", "> -> >=", "a share that is met by none"),
-    ("identification/fit/variance_components.py", "weight = np.exp(value - proposal - np.max(value - proposal))", "- -> +",
-     "one constant for all trials, which dividing by the sum takes away"),
-    ("identification/model/effects/backlash.py",
-     "return np.asarray((np.abs(rows.gravity[:, i] + rows.torque[:, i]) < doubt) & np.any(rows.wrench != 0, axis=1))",
-     "< -> <=", "a threshold above nothing, met exactly by no torque"),
-    ("compensator/correction/engagement.py", "size = growth[chosen & (stiffness > 0)]", "0 -> 1",
-     "no cut is as soft as a thousandth of a newton per millimetre"),
-    ("compensator/toolpath.py", "ABSOLUTE = 4        # MoveAbsJ: joint angles, no pose", "4 -> (4 * 2)",
-     "a name for a kind of move: any number that is none of the others"),
-    ("compensator/path/route.py", "near = corners if share <= 0.5 else after[corners]", "<= -> <",
-     "at the half itself nothing is added"),
-    ("identification/fit/visits.py", "SCREEN = 0.1", "0.1 -> (0.1 * 2)",
-     "saves time: what is looked at further is called bad by ALARM alone"),
-    ("compensator/forces/alignment_regression.py",
-     "explained = max(explained, float(np.max(share, initial=0.0, where=(inside > 0) & (outside > 0))))", "> -> >=",
-     "empty bins have no force, so that their plateau explains nothing"),
-    ("compensator/forces/alignment_regression.py",
-     "explained = max(explained, float(np.max(share, initial=0.0, where=(inside > 0) & (outside > 0))))", "0 -> 1",
-     "a plateau that leaves one bin explains what that bin alone as a plateau does"),
-    ("compensator/forces/alignment_regression.py",
-     "gram = design.T @ design + 1e-6 * len(design) * np.eye(design.shape[1])", "+ -> -",
-     "a ridge of either sign keeps the equations solvable, and moves the fit by a millionth"),
-    ("compensator/correction/wall_behind.py",
-     "calm = np.linalg.norm(offset[corner + 1:stop] - offset[stop], axis=1) <= sigma[corner + 1:stop]", "<= -> <",
-     "a distance that is one sigma exactly is met by none"),
-    ("compensator/toolpath.py", "ARC_END = 3         # MoveC, the destination", "3 -> (3 * 2)",
-     "a name for a kind of move: any number that is none of the others"),
-    ("identification/fit/optional_parts.py", "NEGLIGIBLE = 6.0", "6.0 -> (6.0 * 2)",
-     "saves time: ways under e^-6 weigh under a four-hundredth together with the others"),
-    ("identification/diagnosis/power.py", "break", "break -> continue",
-     "saves time: of what is noticed further on the first is taken"),
-    ("identification/fit/mistakes/judge.py",
-     "if support < enough or slight or (size is not None and (size.moved < 1 or size.sigmas < KNOWN)):", "< -> <=",
-     "a bound on a real number, met exactly by none"),
-    ("identification/diagnosis/naming.py",
-     "small = {term.label for term, values in zip(extended.terms, extended.term_values, strict=True)", "True -> False",
-     "values are split by the terms: as many"),
-    ("identification/diagnosis/naming.py", "for term, values in zip(extended.terms, extended.term_values, strict=True):",
-     "True -> False", "values are split by the terms: as many"),
-    ("identification/diagnosis/naming.py", "sets = [hypothesis for size in range(1, levels + 1)", "1 -> 0",
-     "no set is of no causes"),
-    ("compensator/forces/one_pass.py", "inside = (log.place >= -1e-3) & (log.place <= np.nanmax(length) + 1e-3)", ">= -> >",
-     "a tolerance, met exactly by no place"),
-    ("compensator/coefficients/fit.py", "if OF_TABLE[0] <= shares[material] <= OF_TABLE[1]:", "<= -> <",
-     "a bound on a fitted number, met exactly by none"),
-    ("compensator/coefficients/fit.py", "if AS_OF[0] <= share <= AS_OF[1]]", "<= -> <",
-     "a bound on a fitted number, met exactly by none"),
-    ("compensator/coefficients/fit.py", "far = np.abs(aside) > MOST_ASIDE", "> -> >=",
-     "a bound on a fitted number, met exactly by none"),
-    ("compensator/coefficients/fit.py", "if found.mean[1] < -two_sigma(float(np.sqrt(found.covariance[1, 1]))):", "< -> <=",
-     "a bound on a fitted number, met exactly by none"),
-    ("identification/fit/mistakes/look.py", "for score, (k, place) in zip(scores, labels, strict=True):", "True -> False",
-     "a label a score: as many"),
-    ("identification/diagnosis/detect.py",
-     "named = {pattern.name: float(value) for pattern, value in zip(patterns, of_patterns[:, 0], strict=True)}",
-     "True -> False", "a row a pattern: as many"),
-    ("identification/model/effects/parallelogram.py", "driven = (rows.robot.rod or (2, 1))[0]", "2 -> (2 * 2)",
-     "robots without a rod do not have this law"),
-)
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,7 @@ def cutting_coefficients(
     findings = (*predicted.findings, *driven_as_said(predicted), *cut.findings(), *assumed, *said,
                 *said_of_the_forces(rows, found, predicted.forces.log.source),
                 *said_of_the_material(found, material, float(np.median(chip)), predicted.forces.log.source))
-    of_table = None if material is None else float(found.mean[0] / mean[0])
+    of_table = share_of_table(found, material, float(np.median(chip)))
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings, of_table)
 
 
@@ -207,19 +207,22 @@ def said_of_the_forces(rows: ForceRows, found: ForcePosterior, source: str) -> l
     return findings
 
 
+def share_of_table(found: ForcePosterior, material: str | None, chip: float) -> float | None:
+    """Ktc as a share of what the table has for a chip of `chip` [m] a tooth of this material; None where none is stated."""
+    return None if material is None else float(found.mean[0] / coefficients_of(material, chip)[0][0])
+
+
 def said_of_the_material(found: ForcePosterior, material: str | None, chip: float, source: str) -> list[Finding]:
     """A warning (CS4747) where a chip of `chip` [m] a tooth needs another force than the table has for the material that is
     stated, None: none is. It names those of which it would be usual."""
-    if material is None or found.mean[0] <= 0:
+    own = share_of_table(found, material, chip)
+    if own is None or own <= 0 or OF_TABLE[0] <= own <= OF_TABLE[1]:
         return []
-    shares = {name: float(found.mean[0] / coefficients_of(name, chip)[0][0]) for name in MATERIALS}
-    if OF_TABLE[0] <= shares[material] <= OF_TABLE[1]:
-        return []
-    others = [f"{100 * share:.0f} % of {name.replace('_', ' ')}'s" for name, share in shares.items()
-              if AS_OF[0] <= share <= AS_OF[1]]
+    shares = ((name.replace("_", " "), share_of_table(found, name, chip)) for name in MATERIALS)
+    others = [f"{100 * share:.0f} % of {name}'s" for name, share in shares if share and AS_OF[0] <= share <= AS_OF[1]]
     usual = f"; it is {' or '.join(others[:3])}" if others else ""
-    return [Finding("CS4747", "warning", f"the chip needs {100 * shares[material]:.0f} % of the force that the table has for "
-                    f"{material.replace('_', ' ')}, which it knows to about 40 %{usual}", file=source,
+    return [Finding("CS4747", "warning", f"the chip needs {100 * own:.0f} % of the force that the table has for "
+                    f"{str(material).replace('_', ' ')}, which it knows to about 40 %{usual}", file=source,
                     hint="is the material right (cutting.material), the spindle's speed and the number of teeth, and does the "
                     "stock stand in its file as high and as wide as it did?")]
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compensator.forces.alignment_regression import Bins, Regression, binned
 from compensator.forces.log import ForceLog
@@ -41,7 +42,7 @@ def said_of_delay(log: ForceLog, path: RobotPath) -> list[Finding]:
         return []
     time, place = log.time[placed], np.maximum.accumulate(log.place[placed])
     program = _by_length(path)
-    bins = _cuts_of(binned(time, log.force[placed], BIN), time, place, program)
+    bins = _cuts_of(time, log.force[placed], place, program)
     if bins is None:
         return []
     left = _Left(program, bins, time, place)
@@ -72,15 +73,20 @@ def _by_length(path: RobotPath) -> ProgramTime:
     return ProgramTime(path.length, path.length, air, kinds_of_cut(path.toolpath.feed, air, path.length), travel_in_log(path))
 
 
-def _cuts_of(bins: Bins, time: Array, place: Array, program: ProgramTime) -> Bins | None:
-    """The first MOST_BINS bins, from the first one on a move that cuts; None where too few are."""
-    move = np.clip(np.searchsorted(program.length, np.interp(bins.time, time, place)), 1, len(program.length) - 1)
-    cuts = ~program.air[move] & (bins.weight > 0)
-    first = max(int(np.argmax(cuts)) - round(FURTHEST / BIN), 0)
-    some = slice(first, first + MOST_BINS)
-    if cuts[some].sum() < FEWEST or not bins.force[some][bins.weight[some] > 0].any():
+def _cuts_of(time: Array, force: Array, place: Array, program: ProgramTime) -> Bins | None:
+    """At most MOST_BINS bins, from FURTHEST before the first sample on a move that cuts on: as many however long the log took,
+    or says that it took. None where too few of them are on such moves."""
+    def cuts(where: Array) -> NDArray[np.bool_]:
+        move = np.clip(np.searchsorted(program.length, where), 1, len(program.length) - 1)
+        return np.asarray(~program.air[move])
+
+    first = np.searchsorted(time, time[int(np.argmax(cuts(place)))] - FURTHEST)
+    some = slice(first, np.searchsorted(time, time[first] + MOST_BINS * BIN))
+    bins = binned(time[some], force[some], BIN)
+    seen = bins.weight > 0
+    if (seen & cuts(np.interp(bins.time, time, place))).sum() < FEWEST or not bins.force[seen].any():
         return None
-    return Bins(bins.time[some], bins.force[some], bins.weight[some], bins.width)
+    return bins
 
 
 class _Left:

@@ -321,7 +321,8 @@ def _drifted(mean: Array, path: RobotPath, rows: TargetRows, zero: Zero, forced:
     if np.median(size) > small:
         return 0.0
     # A drift of that middle is at most twice as much anywhere; more is a touch, or a cut that is driven with MoveJ.
-    air, size = air[size <= 2 * small], size[size <= 2 * small]
+    calm = size <= 2 * small
+    air, size = air[calm], size[calm]
     noise = np.sum(zero.noise[:3] ** 2) / rows.samples[air]
     drift = np.sqrt(np.maximum(size**2 - noise, 0.0))
     # Samples are time.

@@ -26,9 +26,9 @@ from identification.model.effects import Effect
 
 Array = NDArray[np.float64]
 REPLICATES = 199
-# Between these probabilities so many replicates do not tell on which side of 5 %, or of 2.5 %, the data lie; so many times as
-# many do.
-OPEN = (0.01, 0.09)
+# Between these probabilities so many replicates do not tell on which side of 5 %, of 2.5 % or of 0.5 % the data lie; so many
+# times as many do.
+OPEN = (0.005, 0.09)
 MORE = 5
 # ln probabilities below this are all the same to a bootstrap of a few hundred.
 SMALLEST = -700.0

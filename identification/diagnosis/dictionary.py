@@ -77,8 +77,9 @@ class Dictionary:
             near = [other for other in self.entries
                     if other.joint == named.joint and other.effect.name in named.effect.near_laws]
             weight = self.signatures[signature].weight
+            # A weight that is searched may be none.
             members = [k for each in (named, *near) for k in each.signatures
-                       if weight / ALIKE <= self.signatures[k].weight <= weight * ALIKE]
+                       if not self.signatures[k].weight or weight / ALIKE <= self.signatures[k].weight <= weight * ALIKE]
         return self.of(*members)
 
     def unweighed(self, entry: Entry) -> list[int]:

@@ -60,7 +60,7 @@ def converged(
 ) -> Named:
     """The best set of causes, fitted, and everything seen from there: fitted and looked at again until it stays the best.
     rejected: a set that is no candidate, alone or with more, because what it leaves is not noise."""
-    fits: dict[tuple[frozenset[int], tuple[float, ...]], Posterior] = {}
+    fits: dict[tuple[frozenset[int], tuple[float, ...]], tuple[Posterior, frozenset[int]]] = {}
     lost: dict[frozenset[int], str] = {}
     best = None
     while True:
@@ -72,17 +72,32 @@ def converged(
         as_weighed = (likeliest.key, tuple(seen.dictionary.signatures[k].weight for k in likeliest.signatures))
         if as_weighed in fits:
             # It stays the best, or has been it before: the sets take turns.
-            return Named(seen, likeliest, fits[as_weighed], tuple(lost.values()))
+            found, key = fits[as_weighed]
+            kept = next((each for each in seen.hypotheses if each.key == key), likeliest)
+            return Named(seen, kept, found, tuple(lost.values()))
         if len(fits) == MAX_ROUNDS or len(lost) == MOST_LOST:
             return Named(seen, best, fitted, tuple(lost.values()))
-        candidate = attempt(fitted.data, seen.terms(likeliest), fitted)
-        if candidate is None:
+        # Laws that imitate each other share out what they have alike: which of them fits is seen by fitting them. A weight that
+        # was searched beside a noise that has grown may be none.
+        alike = [start for kin in kindred(seen, likeliest) if kin.probability >= OPEN_LAW * likeliest.probability
+                 for start in (kin, seen.unweighed(kin)) if start is not None]
+        fits_alike = [(fit, start) for start in alike if (fit := attempt(fitted.data, seen.terms(start), fitted)) is not None]
+        if not fits_alike:
             lost[likeliest.key] = seen.name(likeliest)
             continue
-        best, fitted = likeliest, candidate
-        fits[as_weighed] = fitted
+        fitted, best = _clearly_best(fits_alike)
+        fits[as_weighed] = fitted, best.key
         # Its dictionary makes room for that of the next.
         del seen
+
+
+def _clearly_best(fits: list[tuple[Posterior, Hypothesis]]) -> tuple[Posterior, Hypothesis]:
+    """The first of these fits, or the likeliest of the others where that is far likelier."""
+    if len(fits) == 1:
+        return fits[0]
+    values = [log_evidence(fit) for fit, _ in fits]
+    place = int(np.argmax(values))
+    return fits[place if values[place] > values[0] + LIKELIER else 0]
 
 
 def likeliest_fit(start: Posterior, catalogue: dict[str, Effect], levels: int) -> Posterior:

@@ -16,7 +16,6 @@ from identification.diagnosis.gain import gain
 from identification.diagnosis.gross import bad_rows, with_crowded
 from identification.diagnosis.judgement import Judgement
 from identification.diagnosis.naming import (
-    AGAINST,
     LIKELIER,
     Named,
     converged,
@@ -31,7 +30,7 @@ from identification.diagnosis.naming import (
     with_open_laws,
     without_slight,
 )
-from identification.diagnosis.odds import CERTAINLY, POSSIBLE, certain, doubt_of, log_odds, log_posterior
+from identification.diagnosis.odds import CERTAINLY, POSSIBLE, certain, doubt_by, doubt_of, log_odds, log_posterior
 from identification.diagnosis.power import showing
 from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.share import share_of
@@ -74,8 +73,6 @@ SEVERAL = 3
 SEVERAL_IN_WORDS = ("{} do not fit the other poses, and no likely slip explains any: rather a cause that depends on the pose "
                     "than so many mistakes")
 LEAST_IN_WORDS = "{} fit least of all poses the springs of the others, which are not explained either"
-# Beyond this power of e how much likelier something is needs no figure.
-MOST_LOG = 50.0
 WORTH_NAMING = 0.01
 
 
@@ -219,25 +216,7 @@ class Procedure:
             return replace(judgement, verdict="mistake", mistakes=(clear,))
         # The parts of the noise that came in for want of a cause must not hide it from the search.
         usual = plain.with_usual_noise
-        found = self.searched(usual)
-        if not found.enough or found.best is None:
-            # Nor must parts that there are and that have grown, which they do without end where the cause is large.
-            quiet = self.searched(likeliest_fit(under_ordinary_noise(usual), self.catalogue, 2))
-            if quiet.enough or log_evidence(quiet.fitted) > log_evidence(found.fitted) + LIKELIER:
-                found = quiet
-        if not found.enough and found.best is not None:
-            other = likelier_fit(found.named)
-            rival = None if other is None else self.searched(other, rejected=found.best.key)
-            found = rival if rival is not None and rival.enough else found
-        if not found.enough:
-            lost = found.named.lost
-            found = self.searched(found.fitted, MOST_CAUSES)
-            found = replace(found, named=replace(found.named, lost=tuple(dict.fromkeys((*lost, *found.named.lost)))))
-        if not found.enough and found.best is not None and len(found.best.entries) > 1:
-            # What several together do not explain one alone may, with another noise.
-            alone = self.searched(usual, 1)
-            if alone.adequacy.p_value > self.alarm:
-                found = alone
+        found = self.explaining(usual)
         seen, best, extended, adequacy, scatter = found.named.seen, found.best, found.fitted, found.adequacy, found.scatter
         slight: frozenset[str] = frozenset()
         if best is not None:
@@ -259,6 +238,29 @@ class Procedure:
         else:
             judgement = self.with_names(judgement, seen, best, slight)
         return beside(judgement, mistakes, physics)
+
+    def explaining(self, usual: Posterior) -> _Found:
+        """The likeliest set of causes; where it does not explain the rows what another noise, or more causes, make of them."""
+        found = self.searched(usual)
+        if not found.enough or found.best is None:
+            # Nor must parts that there are and that have grown, which they do without end where the cause is large.
+            quiet = self.searched(likeliest_fit(under_ordinary_noise(usual), self.catalogue, 2))
+            if quiet.enough or log_evidence(quiet.fitted) > log_evidence(found.fitted) + LIKELIER:
+                found = quiet
+        if not found.enough and found.best is not None:
+            other = likelier_fit(found.named)
+            rival = None if other is None else self.searched(other, rejected=found.best.key)
+            found = rival if rival is not None and rival.enough else found
+        if not found.enough:
+            lost = found.named.lost
+            found = self.searched(found.fitted, MOST_CAUSES)
+            found = replace(found, named=replace(found.named, lost=tuple(dict.fromkeys((*lost, *found.named.lost)))))
+        if not found.enough and found.best is not None and len(found.best.entries) > 1:
+            # What several together do not explain one alone may, with another noise.
+            alone = self.searched(usual, 1)
+            if alone.adequacy.p_value > self.alarm:
+                found = alone
+        return found
 
     def searched(self, start: Posterior, levels: int = 2, rejected: frozenset[int] | None = None) -> _Found:
         """The likeliest set of up to so many causes, seen from a fitted model, and whether it explains the rows."""
@@ -301,9 +303,8 @@ class Procedure:
         if doubt:
             return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in causes})
         measured = gain(self.data, judgement.plain, extended, self.rng)
-        if measured.support <= AGAINST and not only_local(seen, best):
-            against = (f"it makes readings that were not fitted ({measured.held_out}) less likely, by a factor "
-                       f"{np.exp(min(-measured.support, MOST_LOG)):.2g}")
+        against = "" if only_local(seen, best) else doubt_by(judgement.detection, measured)
+        if against:
             return self.unknown(judgement, seen, judgement.detection, {cause.label: against for cause in causes})
         companions = with_open_laws(seen, tuple(cause for cause in names if cause.label in slight))
         given = labels | slight | {f"{law}[{cause.joint}]" for cause in (*causes, *companions) for law in cause.open_laws}

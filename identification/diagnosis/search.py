@@ -34,6 +34,8 @@ PRIOR_OF_SIZE = (0.9, 0.09, 0.01)
 # How far a gear's law may be off the dictionary's, as a share of its size: laws of real gears differ by some ten per cent
 # (discrepancy.py).
 LAW_SHARE = 0.3
+# Of what laws have in common, what is under this share of the largest part is left out.
+ALIKE = 1e-3
 # ln Bayes factor of the best law of a gear under which it does not matter how its laws share it out.
 WORTH_SHARING = 1.0
 
@@ -74,6 +76,21 @@ class Survey:
         if len(kept) == len(self.hypotheses):
             return self
         return replace(self, hypotheses=_weighed(kept, len(self.dictionary.entries)))
+
+    def unweighed(self, hypothesis: Hypothesis) -> Hypothesis | None:
+        """The hypothesis with the best signatures of laws that no weight presses on, where one that nobody stated presses on
+        one of its gears; None where there is none."""
+        dictionary, signatures = self.dictionary, list(hypothesis.signatures)
+        for place, (k, signature) in enumerate(zip(hypothesis.entries, hypothesis.signatures, strict=True)):
+            first, free = dictionary.entries[k].signatures.start, dictionary.unweighed(dictionary.entries[k])
+            if not dictionary.signatures[signature].weight or not free:
+                continue
+            others = [dictionary.of(s) for at, s in enumerate(signatures) if at != place]
+            base = self.base.extended(np.concatenate(others, axis=2)) if others else self.base
+            laws = dictionary.part([k])
+            evidence = scores(base, laws, own_grams(base.weights, laws)).evidence
+            signatures[place] = max(free, key=lambda s: evidence[s - first])
+        return replace(hypothesis, signatures=tuple(signatures)) if tuple(signatures) != hypothesis.signatures else None
 
     def terms(self, hypothesis: Hypothesis) -> tuple[Term, ...]:
         """The effects in force with their best coefficients, as a start for the fit."""
@@ -201,13 +218,18 @@ class _Scan:
 
     def grown(self, hypothesis: Hypothesis) -> list[Hypothesis]:
         """The hypothesis with each further entry, which must explain what no shape of the others' laws can."""
-        base, dictionary = self.base, self.dictionary
+        base, dictionary, grams = self.base, self.dictionary, self.grams
         if hypothesis.signatures:
             sizes = self._sizes(hypothesis)
+            base = self._as_told(hypothesis)
+            grams = grams if base is self.base else own_grams(base.weights, dictionary)
             shapes = [room(float(np.linalg.norm(size))) * dictionary.shapes(entry, signature)
                       for entry, signature, size in zip(hypothesis.entries, hypothesis.signatures, sizes, strict=True)]
+            shapes += [self._mixture(dictionary.entries[k].joint or 0, float(abs(size[0])) * dictionary.amplitude(signature))
+                       for k, signature, size in zip(hypothesis.entries, hypothesis.signatures, sizes, strict=True)
+                       if dictionary.entries[k].effect.law_family]
             base = base.extended(np.concatenate([*shapes, self._other_ways(hypothesis, sizes) / PRIOR_SIZES], axis=2))
-        evidence, visible = self._without_doubt(base)
+        evidence, visible = self._without_doubt(base, grams)
         grown = []
         # Two laws of one gear are one law that is not exactly the dictionary's.
         geared = {dictionary.entries[k].joint for k in hypothesis.entries if self._of_gear(dictionary.entries[k])}
@@ -238,18 +260,42 @@ class _Scan:
         terms = (self.dictionary.term(self.state, k, size) for k, size in zip(hypothesis.signatures, sizes, strict=True))
         return other_ways(self.state, self.sight, terms)
 
-    def _without_doubt(self, base: Base) -> tuple[Array, NDArray[np.bool_]]:
-        """Evidence (S,) of every signature, and whether these rows could show it at its typical size (S,).
+    def _as_told(self, hypothesis: Hypothesis) -> Base:
+        """The plain model as the evidence of a hypothesis sees it: free in what its gears may do in rows that tell nothing of
+        them. A further effect that explains these rows would count what the gear's law has been granted."""
+        base = self.base
+        for k in hypothesis.entries:
+            entry = self.dictionary.entries[k]
+            if entry.effect.gear_law and entry.joint in self.undecided:
+                base = base.freed(self.dictionary.undecided(self.state, entry.joint), self.state.visit)
+        return base
+
+    def _mixture(self, joint: int, size: float) -> Array:
+        """What a gear of this size may do by all the laws that imitate each other at once (n, 3, m), a law each alike: each may
+        differ by a mixture of all of them, of LAW_SHARE of its size."""
+        dictionary = self.dictionary
+        signatures = [s for k in dictionary.gear_laws(joint) if dictionary.entries[k].effect.law_family
+                      for s in dictionary.entries[k].signatures]
+        of_share = LAW_SHARE / np.sqrt(len(signatures)) / PRIOR_SIZES * size
+        columns = np.concatenate([of_share / dictionary.amplitude(s) * dictionary.of(s)[:, :, :1] for s in signatures], axis=2)
+        # Many laws do nearly the same: what they have in common, and what little more.
+        own, strength, _ = np.linalg.svd(columns.reshape(-1, columns.shape[2]), full_matrices=False)
+        kept = strength > ALIKE * strength[0]
+        return np.asarray((own * strength)[:, kept].reshape(*columns.shape[:2], -1))
+
+    def _without_doubt(self, base: Base, own: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Evidence (S,) of every signature, and whether these rows could show it at its typical size (S,); own: the grams
+        (S, 6, 6) of every signature by itself under the weights of `base`.
 
         The laws of one gear share out what they have together by the rows in which no force error decides on which side of its
         play the gear rests: those rows tell play from friction by chance alone. Laws that imitate each other share it out by
         what tells them apart whatever the gear's real law, which is none of the dictionary's exactly: each may differ by a
         mixture of all of them, of LAW_SHARE of its size.
         """
-        dictionary, scored = self.dictionary, scores(base, self.dictionary, self.grams)
+        dictionary, scored = self.dictionary, scores(base, self.dictionary, own)
         evidence = scored.evidence
         for joint in range(1, 7):
-            laws, grams = dictionary.gear_laws(joint), self.grams
+            laws, grams = dictionary.gear_laws(joint), own
             if joint in self.undecided:
                 undecided = self.undecided[joint]
                 decided, grams = undecided.beside(base), grams.copy()
@@ -263,9 +309,7 @@ class _Scan:
                 continue
             likeliest = signatures[int(np.argmax(evidence[signatures]))]
             size = scored.size[likeliest] * dictionary.amplitude(likeliest)
-            of_share = LAW_SHARE / np.sqrt(len(signatures)) / PRIOR_SIZES * size
-            mixture = [of_share / dictionary.amplitude(s) * dictionary.of(s)[:, :, :1] for s in signatures]
-            self._share(evidence, decided.extended(np.concatenate(mixture, axis=2)), family, grams)
+            self._share(evidence, decided.extended(self._mixture(joint, size)), family, grams)
         return evidence, scored.visible
 
     def _share(self, evidence: Array, doubted: Base, laws: list[int], grams: Array) -> None:

@@ -67,6 +67,7 @@ class HeldPlay(Play):
 
     name = "backlash"
     law = "held"
+    by_visit = True
     formula_source = ("M. Nordin, J. Galic, P.-O. Gutman, New Models for Backlash and Gear Play, Int. J. Adapt. Control "
                       "Signal Process. 11, 1997: the gap's position is a state of its own; held by friction: engineering "
                       "judgement")
@@ -80,6 +81,14 @@ class HeldPlay(Play):
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         side = self._held(rows, i, values[1])
         return np.asarray(values[0] * (side - _sign(rows.gravity[:, i])))
+
+    def of_each_visit(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        """At which end of its gap the way to the pose left a gear that no weight presses on: it shows against the unloaded
+        reading that is taken first as soon as a load has crossed the gap."""
+        i = self.index(joint)
+        at_rest = 1 - np.abs(_sign(rows.gravity[:, i]))
+        crossed = self._held(rows, i, 1.0) != 0
+        return np.asarray((-values[0] * at_rest * crossed)[:, None, None] * rows.jacobian[:, :, i, None])
 
     def side(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.trunc(self._held(rows, self.index(joint), 1.0))

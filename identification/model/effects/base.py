@@ -132,6 +132,10 @@ class Effect(ABC):
         """Typical sizes (P,) of the parameters on this robot."""
         return np.array([parameter.typical for parameter in self.parameters])
 
+    def grid(self, rows: LoadState, joint: int | None, parameter: Parameter) -> tuple[float, ...]:
+        """Values of a parameter that are tried on this robot."""
+        return parameter.grid
+
     @property
     def places(self) -> tuple[int | None, ...]:
         """The joints it may sit at, (None,) where it belongs to none."""
@@ -183,7 +187,7 @@ class Effect(ABC):
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         """All signatures of the effect at one place, then those of its other laws: by differences of `contribution`, one for
         each value of the grids."""
-        grids = [parameter.grid or (None,) for parameter in self.parameters]
+        grids = [self.grid(rows, joint, parameter) or (None,) for parameter in self.parameters]
         linear = [k for k, parameter in enumerate(self.parameters) if not parameter.grid]
         scale = self.typical(rows, joint)[linear]
         positive = all(self.parameters[k].positive for k in linear)

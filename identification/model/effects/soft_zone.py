@@ -14,6 +14,9 @@ from identification.model.load_state import LoadState
 
 # K3 / K1 - 1 of strain wave gears (the source of `extra_rad`).
 SOFTER = 0.8
+# How far [rad] a gear that a T1 of OF_LARGE [N m] is typical of is wound up by it: HARMONIC_DRIVE, table 42 gives 54 to 168 N m
+# for sizes 40 to 58; gears of one shape are wound up alike by their T1, whatever their size: engineering judgement.
+WOUND, OF_LARGE = 4e-4, 100.0
 EXTRA = Parameter("extra_rad", "rad", 4e-5, 0.0, 3e-3,
                   source=f"{HARMONIC_DRIVE}, table 41: K3/K1 is 1.6 to 2.1, so 0.8 T c_i; 4e-5 rad is that at 100 N m with "
                          "joint 1 of the paper's Table 1",
@@ -23,19 +26,33 @@ EXTRA = Parameter("extra_rad", "rad", 4e-5, 0.0, 3e-3,
 
 def zone_of(*grid: float) -> Parameter:
     """The torque up to which the gear is softer."""
-    return Parameter("torque_nm", "N*m", 100.0, 5.0, 1500.0, grid=grid, shape=True,
+    return Parameter("torque_nm", "N*m", 100.0, 2.0, 1500.0, grid=grid, shape=True,
                      source=f"{HARMONIC_DRIVE}, table 42: T1 is 54 to 168 N m for sizes 40 to 58",
                      bounds_source=f"{HARMONIC_DRIVE}, table 42: T1 is 0.29 N m (size 8) to 843 N m (size 100), T2 up to 3040 "
-                                   "N m; 5 to 1500 N m of that is engineering judgement")
+                                   "N m; 2 to 1500 N m of that is engineering judgement")
 
 
 class SofterNearZero(GearTwist):
-    """What all its laws have in common."""
+    """What all its laws have in common. A gear with less stiffness is a smaller one, and no longer softer at less torque."""
 
     of_gravity = True
     law_family = SOFTER_NEAR_ZERO
     sentence = "the gear of joint {joint} is softer under small torques than under large ones"
     settles = "a torque ladder on this joint through zero with small steps"
+
+    def typical(self, rows: LoadState, joint: int | None) -> Array:
+        sizes = super().typical(rows, joint)
+        torque = [parameter.name for parameter in self.parameters].index("torque_nm")
+        sizes[torque] *= self._smaller(rows, joint)
+        return sizes
+
+    def grid(self, rows: LoadState, joint: int | None, parameter: Parameter) -> tuple[float, ...]:
+        smaller = self._smaller(rows, joint) if parameter.name == "torque_nm" else 1.0
+        return tuple(smaller * value for value in parameter.grid)
+
+    def _smaller(self, rows: LoadState, joint: int | None) -> float:
+        """By how much smaller the torques of this gear are than those of a large one."""
+        return min(1.0, WOUND / (OF_LARGE * float(rows.compliance[self.index(joint)])))
 
 
 class TwoSlopes(SofterNearZero):
@@ -66,9 +83,9 @@ class CubicZone(SofterNearZero):
         Parameter("share", "1", 0.45, 0.0, 1.0,
                   source=f"{HARMONIC_DRIVE}, table 41: K3/K1 is 1.6 to 2.1: 0.4 to 0.5 less compliance under large torques",
                   bounds_source="engineering judgement: a spring that is all linear, to one that is all cubic"),
-        Parameter("torque_nm", "N*m", 300.0, 10.0, 5000.0, grid=(40.0, 120.0, 360.0, 1000.0), shape=True,
+        Parameter("torque_nm", "N*m", 300.0, 3.0, 5000.0, grid=(40.0, 120.0, 360.0, 1000.0), shape=True,
                   source=f"{HARMONIC_DRIVE}, table 42: T2 is 108 to 843 N m for sizes 40 to 80",
-                  bounds_source=f"{HARMONIC_DRIVE}, table 42: T2 up to 3040 N m; 10 to 5000 N m is engineering judgement"),
+                  bounds_source=f"{HARMONIC_DRIVE}, table 42: T2 up to 3040 N m; 3 to 5000 N m is engineering judgement"),
     )
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:

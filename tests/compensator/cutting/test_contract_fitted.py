@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compensator.coefficients.fit import check_in_the_stock, said_of_the_fit, said_of_the_material, table_coefficients
+from compensator.coefficients.fit import (
+    check_in_the_stock,
+    said_of_the_fit,
+    said_of_the_forces,
+    said_of_the_material,
+    share_of_table,
+    table_coefficients,
+)
 from compensator.coefficients.fitted import FittedCoefficients
 from compensator.coefficients.next_cut import next_cut
 from compensator.cutting.coefficients import Coefficients
@@ -71,6 +78,22 @@ def test_what_no_tool_and_no_stock_does_is_said(mean: tuple, aside: tuple, used:
         assert f"{finding.code} {finding.message}".startswith(words)
 
 
+@pytest.mark.parametrize(("left", "radial", "codes"), [
+    (0.09, 3.0, []), (0.11, 3.0, ["CS4745"]), (0.09, -1.9, []), (0.09, -2.1, ["CS4746"]), (0.11, -2.1, ["CS4745", "CS4746"])])
+def test_a_fit_that_leaves_much_or_pulls_is_warned_of(left: float, radial: float, codes: list[str]) -> None:
+    """A tenth of the middling force, and two standard deviations of Krc itself, whatever goes with it; left: as a share of
+    500 N, in six of ten rows; radial: Krc in its standard deviations."""
+    force = np.zeros((10, 3))
+    force[:, 1] = 500.0
+    residual = np.where(np.arange(10)[:, None] < 6, left, 0.0) * force + np.where(np.arange(10)[:, None] < 6, 0.0, 1e-9)
+    covariance = np.full((6, 6), 1e12)
+    covariance[1, 1] = 1e14
+    found: Any = SimpleNamespace(residual=residual, mean=np.array([8e8, 1e7 * radial, 1, 20, 10, 5]), covariance=covariance)
+    rows: Any = SimpleNamespace(force=force)
+    assert [(one.code, one.level, one.file) for one in said_of_the_forces(rows, found, "log.csv")] == [
+        (code, "warning", "log.csv") for code in codes]
+
+
 @pytest.mark.parametrize(("shear", "stated", "said"), [
     (780.0, "aluminium", ""), (450.0, "aluminium", ""), (3000.0, "aluminium", ""), (780.0, None, ""), (0.0, "aluminium", ""),
     (780.0, "titanium", "31 % of the force that the table has for titanium, which it knows to about 40 %; it is 63 % of "
@@ -83,6 +106,8 @@ def test_a_chip_force_is_held_against_the_stated_material(shear: float, stated: 
     (700, 0.27), 2809 of steel (1740, 0.23), 3060 of stainless (1970, 0.21), 2519 of titanium (1560, 0.23)."""
     found: Any = SimpleNamespace(mean=np.array([1e6 * shear, 0, 0, 0, 0, 0]))
     told = said_of_the_material(found, stated, 0.08e-3, "log.csv")
+    assert share_of_table(found, stated, 0.08e-3) == (None if stated is None else pytest.approx(
+        shear / {"aluminium": 1233, "titanium": 2519}[stated], rel=1e-3))
     assert [(one.code, one.level, one.message) for one in told] == (
         [("CS4747", "warning", f"the chip needs {said}")] if said else [])
 

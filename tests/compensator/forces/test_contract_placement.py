@@ -163,7 +163,7 @@ def test_refusals(tmp_path, text: str, code: str, words: str) -> None:
         place(tmp_path, text)
 
 
-@pytest.mark.parametrize("odd", ["", "MoveJ in the cut", "a touch at the air feed"])
+@pytest.mark.parametrize("odd", ["", "MoveJ in the cut", "a touch at the air feed", "a light one"])
 def test_a_move_in_air_that_cuts_is_no_drift_of_the_zero(tmp_path, odd: str) -> None:
     """A zero that is off by 2 N behind the cut and by nothing before it: 1 sigma of an axis over the time of the program is
     sqrt(mean of the ramp squared / 3), whatever one or two of 26 moves do beside that."""
@@ -177,8 +177,7 @@ def test_a_move_in_air_that_cuts_is_no_drift_of_the_zero(tmp_path, odd: str) -> 
     force = np.random.default_rng(5).normal(0, 0.3, (26, 40, 3))
     force[list(cuts), :, 1] += 200
     force[20:, :, 0] += 2
-    if odd.startswith("a touch"):
-        force[23, :, 2] += 120
+    force[23, :, 2] += {"a touch at the air feed": 120, "a light one": 15}.get(odd, 0)
     rows = np.column_stack([np.repeat(np.arange(26), 40), force.reshape(-1, 3)])
     (tmp_path / "forces.csv").write_text(log_text("target,fx_n,fy_n,fz_n", rows))
     forces = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell, tare=(0, 1))

@@ -44,6 +44,19 @@ def test_a_time_in_another_unit_is_told_as_such_and_not_as_an_override(tmp_path:
     assert f"it seems to be in {named}" in message
 
 
+@pytest.mark.parametrize(("share", "named"), [(0.25, False), (0.4, True), (2.5, True), (4.0, False)])
+def test_a_unit_is_named_within_a_factor_of_three(tmp_path: Path, share: float, named: bool) -> None:
+    """Farther off it is told as the share of the feed that it is, whatever made it."""
+    [message] = driven(tmp_path, np.array([share * FEED]), unit=1e3)
+    assert ("milliseconds" in message) is named
+
+
+def test_a_log_that_says_it_took_a_century_costs_no_more_than_another(tmp_path: Path) -> None:
+    """Time in nanoseconds, 4e9 of what should be seconds: as many bins of 20 ms would not fit into any memory."""
+    [message] = driven(tmp_path, np.array([FEED]), unit=1e9)
+    assert "were driven at 0 % of their feed" in message
+
+
 def test_a_robot_that_slows_down_for_corners_is_left_in_peace(tmp_path: Path) -> None:
     """Two thirds of the way at a third of the feed, the rest at the feed itself."""
     assert driven(tmp_path, FEED * np.where(np.arange(39) % 3 == 0, 1.0, 0.33)) == set()

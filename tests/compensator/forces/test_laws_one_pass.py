@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from compensator.forces.log import ForceLog
-from compensator.forces.one_pass import said_of_lost, targets_of
+from compensator.forces.one_pass import check_once, said_of_lost, targets_of
 from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import _air
 from compensator.path.robot_path import RobotPath
@@ -59,3 +59,17 @@ def test_the_noise_of_a_tare_is_that_of_its_samples(count: int, offset: float) -
         assert air.samples == count
     # 240 x 5 and 48 x 31 degrees of freedom: within 2 % and 2 %, one sigma.
     assert np.sqrt(np.mean(np.square(noise))) == pytest.approx(2.0, rel=0.08)
+
+
+@pytest.mark.parametrize(("again", "refused"), [(0, False), (1, False), (10, False), (11, True), (60, True)])
+def test_a_log_that_comes_back_to_a_tenth_is_of_one_pass(again: int, refused: bool) -> None:
+    """Of 100 targets in turn, and then some of the first of them again."""
+    place = np.append(np.arange(100), np.arange(again))
+    log = log_of(place.tolist())
+    log.key = "target"      # type: ignore[misc]
+    if not refused:
+        check_once(log, place, None)
+        return
+    with pytest.raises(CompstiffError, match=f"comes back to {again} targets that it had left, from target 99 to 0") as stopped:
+        check_once(log, place, None)
+    assert (stopped.value.findings[0].code, stopped.value.findings[0].line) == ("CS3119", 102)

@@ -15,7 +15,8 @@ from identification.diagnosis.detect import Detection, detect
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.dictionary import dictionary_of
 from identification.diagnosis.discrimination import candidate_rows, next_loads
-from identification.diagnosis.odds import doubt_of
+from identification.diagnosis.gain import Gain
+from identification.diagnosis.odds import doubt_by, doubt_of
 from identification.diagnosis.pages import diagnosis_report
 from identification.diagnosis.patterns import patterns_of
 from identification.diagnosis.plan import judge_plan
@@ -170,7 +171,7 @@ def test_false_alarms_of_the_bootstrap(tmp_path: Path) -> None:
         found = detect(base, dictionary, seen, (noise,), rng, 99)
         # One of so many, and of five times as many where the first left open on which side of a limit it lies.
         assert found.resolution in (1 / 100, 1 / 496, 1 / 397, 1 / 298, 1 / 199)
-        assert found.resolution == 1 / 496 or not 0.01 < found.p_value < 0.09
+        assert found.resolution == 1 / 496 or not 0.005 < found.p_value < 0.09
         assert round(found.p_value / found.resolution, 6).is_integer()
         p_values.append(found.p_value)
     assert min(p_values) < 0.09
@@ -342,10 +343,23 @@ def detected(p_value):
 
 
 @pytest.mark.parametrize(("p_value", "odds", "says"), [
-    (0.005, 8.0, ""), (0.01, 1.0, ""), (0.03, 6.8, "too many for a name"), (0.03, 7.0, ""),        # ln 1000 = 6.9
+    (0.005, 8.0, ""), (0.005, 1.0, ""), (0.01, 1.0, "too many for a name"),
+    (0.03, 6.8, "too many for a name"), (0.03, 7.0, ""),        # ln 1000 = 6.9
     (0.005, -0.1, "a larger noise explains"), (0.03, -0.1, "too many for a name"),
     (0.68, 1.7, "too many for a name"), (0.68, 7.0, "")])                           # looked for since the readings scatter
 def test_a_name_is_rare_by_chance_or_far_likelier_than_nothing(p_value, odds, says):
     doubt = doubt_of(detected(p_value), odds)
+    assert says in doubt
+    assert bool(doubt) == bool(says)
+
+
+@pytest.mark.parametrize(("p_value", "support", "says"), [
+    (0.005, 0.0, ""), (0.01, 2.9, "are hardly likelier with it"), (0.01, 3.1, ""),
+    (0.005, -2.9, ""), (0.005, -3.1, "less likely, by a factor 22"), (0.3, -60.0, "less likely, by a factor 5.2e+21")])
+def test_a_name_that_chance_may_show_must_help_elsewhere(p_value, support, says):
+    """Readings that were not fitted speak against a name that makes them less likely by e^3, and for one that makes them
+    likelier by as much, which it needs where the detection is none for a name: set-ups that wander had made such names."""
+    measured = Gain(2e-6, 1e-6, (1.0, 2.0), "validate", support, np.ones((2, 1)), ("P01",))
+    doubt = doubt_by(detected(p_value), measured)
     assert says in doubt
     assert bool(doubt) == bool(says)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -50,7 +53,39 @@ def test_too_many_are_no_single_mistakes() -> None:
     assert not rare(distance)
 
 
+@pytest.mark.parametrize(("most", "named"), [(3.0, {0, 1}), (2.0, {0, 1}), (1.9, set())])
+def test_as_many_as_may_be_are_named(most: float, named: set[int]) -> None:
+    distance = squared(np.random.default_rng(0))
+    distance[:2] = 27.0**2, 27.1**2
+    assert set(gross.rare(distance, np.full(ROWS, 3), np.ones(ROWS, dtype=bool), most)) == named
+
+
 VISIT = np.arange(ROWS) // 7
+
+
+class Numbered:
+    """Rows with their numbers and lines alone."""
+
+    def __init__(self, row: np.ndarray, line: np.ndarray) -> None:
+        self.row, self.line = row, line
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+
+def test_bad_rows_are_those_of_visits_that_are_not_crowded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four of the first visit, whose matter that is, and one of the third, which is named by its number, line and reading."""
+    monkeypatch.setattr(gross, "_distances", lambda fitted: (np.zeros(ROWS), np.full(ROWS, 3), np.ones(ROWS, dtype=bool)))
+    monkeypatch.setattr(gross, "rare", lambda *of: dict.fromkeys((2, 15, 0, 3, 1), 1e-5))
+    monkeypatch.setattr(gross, "residual_std", lambda *of: np.full((ROWS, 3), 2e-6))
+    number = np.arange(ROWS)
+    fitted: Any = SimpleNamespace(
+        data=SimpleNamespace(rows=Numbered(number + 100, number + 200)),
+        at_map=SimpleNamespace(noise=SimpleNamespace(visit=VISIT, further=None)), components=None, compliance=None,
+        residual=np.repeat(1e-6 * number[:, None], 3, axis=1))
+    (bad,) = gross.bad_rows(fitted)
+    assert (bad.row, bad.line) == (115, 215)
+    np.testing.assert_allclose(bad.off, 15e-6)
 
 
 def crowded(distance: np.ndarray) -> dict[int, float]:

@@ -291,9 +291,10 @@ def test_of_use_is_what_makes_fresh_rows_twenty_times_likelier(monkeypatch: pyte
 def test_sets_that_do_not_converge_are_no_candidates_and_eight_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     """The search goes on with the likeliest of the others, as seen from the last fit, until it stays the best."""
     def seen_from(order: list[int], lost: set[frozenset[int]]) -> Any:
-        hypotheses = [SimpleNamespace(key=frozenset({k}), signatures=(k,)) for k in order if frozenset({k}) not in lost]
+        hypotheses = [SimpleNamespace(key=frozenset({k}), signatures=(k,), probability=1.0)
+                      for k in order if frozenset({k}) not in lost]
         return SimpleNamespace(hypotheses=hypotheses, name=lambda hypothesis: str(set(hypothesis.key)),
-                               terms=lambda hypothesis: tuple(hypothesis.key),
+                               terms=lambda hypothesis: tuple(hypothesis.key), unweighed=lambda hypothesis: None,
                                dictionary=SimpleNamespace(signatures=[SimpleNamespace(weight=0.0)] * 20))
 
     def searched(orders: dict[str, list[int]], fits: dict[int, str]) -> tuple[Any, list[int]]:
@@ -306,6 +307,7 @@ def test_sets_that_do_not_converge_are_no_candidates_and_eight_are_enough(monkey
             return SimpleNamespace(name=fits[terms[0]], data=None) if terms[0] in fits else None
 
         monkeypatch.setattr(naming, "attempt", attempt)
+        monkeypatch.setattr(naming, "kindred", lambda seen, hypothesis: (hypothesis,))
         start: Any = SimpleNamespace(name="start", data=None)
         return converged(start, {}, 2), tried
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from identification.fit.load_test import LoadTest
-from identification.fit.mistakes import judge
+from identification.fit.mistakes import judge, readings
 from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
 from identification.fit.mistakes.first_look import first_look
 from identification.fit.mistakes.joints import joint_mistakes
@@ -291,6 +291,34 @@ def test_what_may_be_the_same_is_said_of_the_same_rows_alone() -> None:
         assert told.mistake.key == "force_sign"
         assert ("or, which is the same to these rows, deflection_sign of {rows}" in told.mistake.sentence) is said
         assert "force_swapped" not in told.mistake.sentence
+
+
+def test_a_mistake_in_a_part_is_as_likely_as_the_table_mended_there(data: LoadTest) -> None:
+    """Before each boundary and from each on, by sums over visits as by all rows of the mended table; each mistake that is tried
+    counts once, in whatever part."""
+    look, log_std = Look(data), data.prior.prior.log_std
+    plain = sums(linear(data))
+    guesses, sized = look._of_columns(plain), look._of_sizes(log_scores(plain.total(), log_std)[1][0])
+    assert len({(guess.mistake.key, guess.mistake.sentence) for guess in guesses}) + len(sized) == look.tried
+    parts = [guess for guess in guesses if guess.mistake.key == "force_sign[z]" and guess.rows is not None]
+    assert len({guess.rows.tobytes() for guess in parts}) == len(parts) == 2 * len(look.boundaries)
+    for guess in parts:
+        assert guess.rows[0] != guess.rows[-1]
+        (score,), _ = log_scores(sums(linear(guess.mistake.mended(data, guess.rows))).total(), log_std)
+        assert guess.score - guess.log_prior == pytest.approx(score, rel=1e-9)
+
+
+def test_a_moment_has_no_force_whose_sign_could_be_lost(data: LoadTest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tenth of the rows with a force have another sign: enough, however many rows there are with a moment alone."""
+    wrench = np.abs(data.rows.wrench)
+    alone = np.arange(len(wrench)) % 2 == 0
+    wrench[alone], wrench[~alone, 3:] = [0, 0, 0, 9, 0, 0], 0.0
+    wrench[~alone, 0] += 1.0
+    signed, forced = wrench.copy(), np.flatnonzero(~alone)
+    signed[forced[: -(-len(forced) // 10)], 0] *= -1
+    monkeypatch.setattr(readings, "_with_signs", lambda data: {"wrench": signed})
+    keys = {mistake.key for mistake in reading_mistakes(data.with_rows(replace(data.rows, wrench=wrench)))}
+    assert "forces_unsigned" in keys
 
 
 def test_a_size_costs_what_its_readings_tell_it(data: LoadTest) -> None:

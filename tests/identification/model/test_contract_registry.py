@@ -12,6 +12,7 @@ import pytest
 from identification.common.findings import CompstiffError
 from identification.model import effects as package
 from identification.model.effects import Effect, Parameter, effects
+from identification.model.law_of import known
 from identification.model.load_state import LoadState, load_state
 from identification.model.rotations import Frame
 from tests.support import random_poses, robot
@@ -42,6 +43,25 @@ def test_the_dictionary_is_the_contract_s() -> None:
 
 def every_law() -> list[Effect]:
     return [law for effect in effects().values() for law in (effect, *effect.other_laws)]
+
+
+def test_shapes_are_tried_so_close_that_none_is_missed() -> None:
+    """Slips of a gear from 10 to 640 N m, none farther than a factor of 1.5 from one that is tried."""
+    tried = np.array(known("hysteresis").parameters[1].grid)
+    away = np.abs(np.log(np.geomspace(10, 640, 100)[:, None] / tried)).min(axis=1)
+    assert np.exp(away.max()) < 1.5
+
+
+def test_every_law_yields_in_as_many_further_ways_as_it_says() -> None:
+    model = robot()
+    wrench = np.concatenate([np.full((4, 3), 120.0), np.zeros((4, 3))], axis=1)
+    rows = load_state(model, Frame(np.eye(3), np.array([0.12, 0.0, 0.25])), random_poses(model, 4, np.random.default_rng(1)),
+                      wrench, 1 / model.prior.stiffness)
+    with_ways = [law for law in every_law() if law.ways]
+    assert with_ways
+    for law in with_ways:
+        for joint in law.places:
+            assert law.further_ways(rows, joint, law.typical(rows, joint)).shape == (4, 6, law.ways)
 
 
 def source_table() -> list[str]:

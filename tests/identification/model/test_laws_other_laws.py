@@ -98,6 +98,28 @@ def test_held_play_stays_where_it_was_pressed() -> None:
     assert_allclose(law.contribution(rows, 1, np.array([3e-5, 0.0])), plain, atol=1e-15)
 
 
+@pytest.mark.parametrize("end", [-1.0, 1.0])
+def test_play_that_the_way_to_a_pose_left_at_one_end_is_off_once_it_is_crossed(end: float) -> None:
+    """Walked load by load with the teeth at one end at first, against the unloaded reading taken there: all that differs from
+    teeth in the middle is half a gap the other way, from the load on that first presses them."""
+    rows = cycle(0.0)
+    wanted = np.zeros((10, 6))
+    for visit in (0, 5):
+        begun, middle, crossed = end, 0.0, False
+        for n in range(visit, visit + 5):
+            torque = rows.torque[n, 0]
+            if abs(torque) > 2.0:
+                begun, middle, crossed = np.sign(torque), np.sign(torque), True
+            assert crossed or n == visit
+            wanted[n] = 3e-5 * ((begun - end) - middle) * rows.jacobian[n, :, 0]
+    law = known("backlash.held")
+    assert law is not None
+    assert_allclose(end * law.of_each_visit(rows, 1, np.array([3e-5, 1.0]))[:, :, 0], wanted, atol=1e-15)
+    # A weight that presses the teeth to one side leaves nothing open.
+    pressed = replace(rows, gravity=np.full((10, 6), 40.0))
+    assert not law.of_each_visit(pressed, 1, np.array([3e-5, 1.0])).any()
+
+
 def test_what_real_laws_may_add_is_a_share_of_what_the_effects_add() -> None:
     """Without any other uncertainty: 5 % of the size of each effect's own displacement, alike in every direction."""
     arm, rng = robot(), np.random.default_rng(6)
@@ -229,3 +251,17 @@ def test_an_uneven_gear_may_have_any_wave_of_up_to_three_a_turn(name: str) -> No
             weight, left = np.linalg.lstsq(ways.reshape(-1, ways.shape[2]), wave.ravel(), rcond=None)[:2]
             assert bool(np.isclose(np.linalg.norm(weight), 1.0)) is told
             assert (float(left[0]) < 1e-20) is told
+
+
+def test_a_smaller_gear_is_softer_up_to_less_torque() -> None:
+    """Gears of one shape are wound up alike: of one with a tenth of the stiffness a tenth of the torque is expected, and what
+    it may yield more in all stays the same; a stiffer one is taken for a large one."""
+    rows = cycle(0.0)
+    for law in (effects()["soft_zone"], *effects()["soft_zone"].other_laws):
+        at = [parameter.name for parameter in law.parameters].index("torque_nm")
+        large, soft, stiff = (law.typical(replace(rows, compliance=np.full(6, value)), 5) for value in (4e-6, 4e-5, 4e-7))
+        assert_allclose([soft[at] / large[at], stiff[at] / large[at]], [0.1, 1.0], rtol=1e-12)
+        if law.parameters[0].unit == "rad":
+            assert_allclose(soft[0], large[0], rtol=1e-12)
+        grids = [law.grid(replace(rows, compliance=np.full(6, value)), 5, law.parameters[at]) for value in (4e-6, 4e-5, 4e-7)]
+        assert_allclose(grids, np.outer([1.0, 0.1, 1.0], law.parameters[at].grid), rtol=1e-12)

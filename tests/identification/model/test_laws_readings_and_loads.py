@@ -183,6 +183,7 @@ def test_a_hook_adds_its_weight_to_each_load_and_to_none_else() -> None:
     assert_allclose(np.linalg.norm(true[:, :3], axis=1), np.where(size > 0, size + 15.0, 0.0))
     assert_allclose(np.cross(true[:, :3], rows.wrench[:, :3]), 0.0, atol=1e-9 * size.max() ** 2)
     assert law("hook_weight").missing(loaded(forces([0.0, 100, -100, 102], np.array([1.0, 0, 0]))))
+    assert not law("hook_weight").missing(loaded(forces([0.0, 100, -100, 94], np.array([1.0, 0, 0]))))
     assert not law("hook_weight").missing(rows)
 
 

@@ -46,6 +46,16 @@ def test_a_large_cause_is_named_too(seed: int, term: str, tmp_path: Path) -> Non
     assert judgement.verdict == "named"
 
 
+@pytest.mark.parametrize(("seed", "term"), [
+    (7750005, "free play"), (7750008, "free play"), (7750009, "a gear softer near zero")])
+def test_laws_that_imitate_each_other_are_fitted_before_one_is_believed(seed: int, term: str, tmp_path: Path) -> None:
+    """Under a weight that nobody stated play and softness do as much beside a noise that has grown; only their fits tell. A
+    second cause had stood beside the wrong one, or nothing was named, also for a reading at which the teeth may lie anywhere."""
+    case, judgement = found_at(tmp_path, seed, term, (0.08, 0.25))
+    assert judgement.verdict == "named"
+    assert [cause.label for cause in judgement.causes] == [case.hidden]
+
+
 def test_a_large_cause_is_no_other_robot(tmp_path: Path) -> None:
     """The lengths of another robot of the maker's do nearly what a tool that is pressed in does."""
     _, judgement = found_at(tmp_path, 2102000, "a tool pressed in", (0.25, 0.6))

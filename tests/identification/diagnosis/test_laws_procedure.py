@@ -1,0 +1,109 @@
+"""What the procedure says, step by step: which of its answers becomes the judgement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification.diagnosis import detect, procedure
+from identification.diagnosis.procedure import Procedure
+
+
+@dataclass(frozen=True)
+class Said:
+    """A judgement, as far as these steps ask."""
+
+    verdict: str
+    log_odds: float | None = None
+    patterns: tuple[str, ...] = ()
+    scatter: tuple[str, ...] = ()
+
+    def as_unknown(self, patterns: tuple[str, ...]) -> Said:
+        return replace(self, verdict="unknown", patterns=patterns)
+
+
+@pytest.mark.parametrize(("far", "p_value", "named", "verdict"), [
+    (1.0, 0.2, Said("mistake"), "adequate"), (1.4, 0.6, Said("mistake"), "mistake"), (1.4, 0.6, Said("named"), "unknown"),
+    (1.0, 0.2, Said("named", 3.0), "adequate"), (1.0, 0.2, Said("named", 7.0), "named"),
+    (1.4, 0.2, Said("named", 7.0), "named"),
+    (1.0, 0.04, Said("mistake"), "mistake"), (1.0, 0.6, Said("named", 9.0), "adequate")])
+def test_what_is_looked_for_without_an_alarm_is_said_where_it_is_likely_or_needed(
+    monkeypatch: pytest.MonkeyPatch, far: float, p_value: float, named: Said, verdict: str,
+) -> None:
+    """An alarm at 0.05; without one a name must be a thousand times likelier than nothing, and a mistake is one where the
+    readings are farther off than their noise allows, which is else unknown; where nothing is odd nothing is looked for."""
+    rows = SimpleNamespace(validate=np.zeros(3, dtype=bool), select=lambda kept: None)
+    data: Any = SimpleNamespace(rows=rows, with_rows=lambda kept: None)
+    plain = SimpleNamespace(load_state=None)
+    monkeypatch.setattr(procedure, "fitted_or_mistaken", lambda data: plain)
+    monkeypatch.setattr(procedure, "goodness_of_fit", lambda *of: SimpleNamespace(p_value=p_value))
+    monkeypatch.setattr(procedure, "beyond_stated", lambda *of: {})
+    monkeypatch.setattr(procedure, "far_off", lambda plain: far)
+    monkeypatch.setattr(procedure, "beyond_the_fit", lambda plain: None)
+    monkeypatch.setattr(procedure, "Judgement", lambda verdict, *of, **more: Said(verdict))
+    monkeypatch.setattr(Procedure, "named", lambda self, judgement: named)
+    assert Procedure(data, {}, 0.05, 10, 0).judged().verdict == verdict
+
+
+@pytest.mark.parametrize(("drawn", "rank"), [([0.0, 1.0, 2.0, 4.0], 2), ([5.0, 3.0, 9.0, 4.0], 5), ([0.0] * 4, 1)])
+def test_rare_is_what_few_replicates_reach(monkeypatch: pytest.MonkeyPatch, drawn: list[float], rank: int) -> None:
+    """The data, a surprise of 3, stand among five alike; rarer than the first of five nothing can be told to be."""
+    noise: Any = SimpleNamespace(readings=12, draw=lambda rng, count: np.zeros((4, 3, count)))
+    monkeypatch.setattr(detect, "OPEN", (2.0, 2.0))
+    monkeypatch.setattr(detect, "surprise", lambda *of: (np.array([3.0, *drawn]), np.zeros((0, 5))))
+    found = detect.detect(*[None] * 2, (), [noise], np.random.default_rng(0), 4)     # type: ignore[arg-type]
+    assert (found.p_value, found.resolution) == (rank / 5, 1 / 5)
+
+
+def test_the_variance_is_what_the_fit_leaves_of_the_readings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By least squares of numpy, a degree of freedom for each coefficient taken off, with weights of 4 for readings of 0.5."""
+    rng, seen = np.random.default_rng(3), []
+    design, drawn = rng.standard_normal((8, 3, 4)), rng.standard_normal((8, 3, 5))
+    residual = rng.standard_normal((8, 3))
+    weights: Any = SimpleNamespace(apply=lambda columns: 4.0 * columns)
+    base = detect.Base(design, residual, weights, 1e-12 * np.eye(4), np.zeros(4))
+    pattern: Any = SimpleNamespace(surprise=lambda base, left, variance: seen.append(variance) or np.zeros(6))
+    monkeypatch.setattr(detect, "entry_surprise", lambda *of: np.zeros((1, 6)))
+    detect.surprise(base, None, (pattern,), 24, [drawn])      # type: ignore[arg-type]
+    each = np.concatenate([residual[:, :, None], drawn], axis=2).reshape(24, 6)
+    left = np.linalg.lstsq(2.0 * design.reshape(24, 4), 2.0 * each, rcond=None)[1]
+    np.testing.assert_allclose(seen[0], left / 20, rtol=1e-9)
+
+
+@dataclass(frozen=True)
+class Searched:
+    """What a search found, as far as these steps ask."""
+
+    fitted: str
+    best: Any
+    enough: bool
+
+
+ONE: Any = SimpleNamespace(key=frozenset({1}), entries=(1,))
+
+
+@pytest.mark.parametrize(("usual", "quiet", "taken"), [
+    (Searched("usual", ONE, False), Searched("quiet", ONE, True), "quiet"),
+    (Searched("usual", None, True), Searched("quiet", ONE, True), "quiet"),
+    (Searched("usual", ONE, True), Searched("quiet", ONE, True), "usual")])
+def test_parts_of_the_noise_that_have_grown_hide_no_cause(
+    monkeypatch: pytest.MonkeyPatch, usual: Searched, quiet: Searched, taken: str,
+) -> None:
+    """Where the usual noise leaves a misfit, or no cause, the search is done again with noise that has not grown; else not."""
+    asked: list[Any] = []
+
+    def searched(self: Procedure, start: Any, *of: Any, **more: Any) -> Searched:
+        asked.append(start)
+        return quiet if start == "ordinary" else usual
+
+    monkeypatch.setattr(Procedure, "searched", searched)
+    monkeypatch.setattr(procedure, "under_ordinary_noise", lambda fitted: fitted)
+    monkeypatch.setattr(procedure, "likeliest_fit", lambda *of: "ordinary")
+    start: Any = "as it is"
+    data: Any = None
+    assert Procedure(data, {}, 0.05, 10, 0).explaining(start).fitted == taken
+    assert asked == ["as it is", *["ordinary"] * (taken == "quiet")]
