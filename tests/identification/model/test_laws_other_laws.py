@@ -116,7 +116,9 @@ def test_play_that_the_way_to_a_pose_left_at_one_end_is_off_once_it_is_crossed(e
     assert law is not None
     assert_allclose(end * law.of_each_visit(rows, 1, np.array([3e-5, 1.0]))[:, :, 0], wanted, atol=1e-15)
     # A weight that presses the teeth to one side leaves nothing open.
-    pressed = replace(rows, gravity=np.full((10, 6), 40.0))
+    heavy = replace(rows.robot, link_mass=np.full(6, 200.0), link_centre=np.full((6, 3), 0.2))
+    pressed = replace(rows, robot=heavy, fall=np.array([9.0, -9.0, 0.0]))
+    assert np.abs(pressed.gravity[:, 0]).min() > 50
     assert not law.of_each_visit(pressed, 1, np.array([3e-5, 1.0])).any()
 
 

@@ -50,7 +50,7 @@ def test_a_large_cause_is_named_too(seed: int, term: str, tmp_path: Path) -> Non
     (7750005, "free play"), (7750008, "free play"), (7750009, "a gear softer near zero")])
 def test_laws_that_imitate_each_other_are_fitted_before_one_is_believed(seed: int, term: str, tmp_path: Path) -> None:
     """Under a weight that nobody stated play and softness do as much beside a noise that has grown; only their fits tell. A
-    second cause had stood beside the wrong one, or nothing was named, also for a reading at which the teeth may lie anywhere."""
+    second cause had stood beside the wrong one, or nothing was named, also for a reading with the teeth anywhere."""
     case, judgement = found_at(tmp_path, seed, term, (0.08, 0.25))
     assert judgement.verdict == "named"
     assert [cause.label for cause in judgement.causes] == [case.hidden]
