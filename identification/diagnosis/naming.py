@@ -140,9 +140,12 @@ def without_slight(data: LoadTest, extended: Posterior, rng: np.random.Generator
 
 
 def brought_along(extended: Posterior) -> dict[str, str]:
-    """Labels of terms that another term brings along in their size, with that one's label."""
+    """Labels of terms that another term brings along in their size, with that one's label: no term that begins at a row, or is
+    at one pose alone."""
     pairs = list(zip(extended.terms, extended.term_values, strict=True))
-    return {term.label: other.label for term, values in pairs for other, of_other in pairs
+    everywhere = [(term, values) for term, values in pairs if not term.effect.where
+                  or np.any(term.contribution(extended.load_state, values) != 0, axis=1).all()]
+    return {term.label: other.label for term, values in everywhere for other, of_other in pairs
             if np.linalg.norm(values - term.neutral) < other.effect.brings(of_other).get(term.effect.name, 0.0)}
 
 

@@ -218,6 +218,15 @@ class LoadState:
         """Moment (n, 3) [N m] of the wrench about points (n, 3) [m] (paper eq. 5)."""
         return np.asarray(np.cross(self.tcp - point, self.wrench[:, :3]) + self.wrench[:, 3:])
 
+    def tilted(self, compliance: Array | float, ahead: Array | float) -> Array:
+        """Deviation (n, 6) of the TCP where all beyond a point of the flange's axis, so far ahead of the flange [m], tilts
+        about flange x and y by a compliance [rad/(N m)]: numbers, or (n,)."""
+        axis = self.flange[:, :, 2]
+        pivot = self.origins[:, 5] + np.reshape(ahead, (-1, 1)) * axis
+        moment = self.moment_about(pivot)
+        across = moment - axis * np.sum(axis * moment, axis=1, keepdims=True)
+        return self.turned(pivot, np.reshape(compliance, (-1, 1)) * across)
+
     @cached_property
     def starts(self) -> NDArray[np.bool_]:
         """True at the first row of each pose visit (n,): load history starts there."""

@@ -65,6 +65,19 @@ def gear_friction(plant: Plant, joint: int, parameters: Parameters) -> None:
     plant.laws.append(Hysteresis(plant.drive(joint), parameters["amplitude_rad"], iwan_slip(parameters["torque_nm"])))
 
 
+def _lost_motion(draw: Draw) -> Parameters:
+    """Every gear lags behind, each by an amplitude of its own, and slips once it is wound up by the same angle."""
+    return {"wind_up_rad": draw.rng.uniform(5e-5, 2e-4)} | {
+        f"amplitude_{joint}_rad": -draw.factor * 0.15 * ARCMIN * draw.rng.uniform(0.5, 1.5) for joint in ALL}
+
+
+@effect("lost_motion", _lost_motion)
+def lost_motion(plant: Plant, joint: None, parameters: Parameters) -> None:
+    for gear in ALL:
+        slip = iwan_slip(parameters["wind_up_rad"] * plant.stiffness[gear - 1])
+        plant.laws.append(Hysteresis(plant.drive(gear), parameters[f"amplitude_{gear}_rad"], slip))
+
+
 TILTED = {1: ("tilt1_x", "tilt1_y"), 2: ("tilt2_x", "tilt2_z"), 3: ("tilt3_x", "tilt3_z"), 4: ("tilt4_z",),
           5: ("tilt5_x", "tilt5_z")}
 

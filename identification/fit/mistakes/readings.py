@@ -19,7 +19,7 @@ STEPS = "a row holds the whole load and all that the tool moved since the unload
 SIGNS = "hold two rows with opposite loads against the sheet that was written at the robot"
 # First readings without a load that are so many times their noise from zero, over all poses, are none that was taken off.
 UNLIKE_SEATING = 10.0
-# Readings of so many visits that are all the largest, to so many times the sensor's noise, are the end of a gauge's travel.
+# Readings of one gauge in so many visits that are all its largest, to so many times its noise, are the end of its travel.
 FEW_VISITS, AT_THE_END = 3, 3.0
 # What the large hand of a dial gauge counts in one turn [m] (engineering judgement: a hundred divisions of 1, 5 or 10 um, or
 # two hundred of 1 um).
@@ -54,14 +54,20 @@ def reading_mistakes(data: LoadTest) -> list[Mistake]:
     if np.nanmin(rows.deflection, initial=0.0) >= 0:
         found.append(table_mistake("deflections_unsigned", "the deflections seem to be written without their signs in {rows}",
                                    SIGNS, lambda other: {"deflection": _mended(other, _signed)}))
-    largest = float(np.nanmax(np.abs(rows.deflection), initial=0.0))
+    largest = np.nanmax(np.abs(rows.deflection), axis=0, initial=0.0)
     stopped = _at_the_end(data, largest)
-    if len(np.unique(rows.visit[stopped.any(axis=1)])) >= FEW_VISITS:
+    # Gauges of one kind end alike.
+    alike = np.abs(largest - largest[:, None]) <= AT_THE_END * np.broadcast_to(data.cell.noise.deflection, 3)
+    visits_at_end = np.array([len(np.unique(rows.visit[stopped[:, same].any(axis=1)])) for same in alike])
+    ends = np.where(visits_at_end >= FEW_VISITS, largest, np.inf)
+    if np.isfinite(ends).any():
+        told = " and ".join(f"{stopped[:, k].sum()} readings of d{'xyz'[k]} of {1e6 * ends[k]:.0f} um"
+                            for k in np.flatnonzero(np.isfinite(ends)))
         found.append(table_mistake(
-            "readings_clipped", f"{stopped.sum()} readings of {1e6 * largest:.0f} um, the largest in {{rows}}, seem to be the "
-            "end of the gauges' travel", "push a gauge to its end by hand and read it: what is that large is no reading",
-            lambda other: {"deflection": np.where(_at_the_end(other, largest), np.nan, other.rows.deflection)}))
-    found += [lacking for turn in TURNS if 0.5 * turn < largest < turn
+            "readings_clipped", f"{told}, the largest in {{rows}}, seem to be the end of a gauge's travel",
+            "push a gauge to its end by hand and read it: what is that large is no reading",
+            lambda other: {"deflection": np.where(_at_the_end(other, ends), np.nan, other.rows.deflection)}))
+    found += [lacking for turn in TURNS if 0.5 * turn < largest.max() < turn
               and _share((lacking := _lacking(turn)).mended(data).rows.deflection != rows.deflection, loaded) >= SOME]
     return found
 
@@ -77,8 +83,8 @@ def _far_from_zero(data: LoadTest, first: NDArray[np.intp]) -> bool:
     return bool(read.any()) and rms(rows.deflection[first][read] / usual[read]) > UNLIKE_SEATING
 
 
-def _at_the_end(data: LoadTest, largest: float) -> NDArray[np.bool_]:
-    """Readings (n, 3) that are no smaller than the largest, but for the sensor's noise."""
+def _at_the_end(data: LoadTest, largest: Array) -> NDArray[np.bool_]:
+    """Readings (n, 3) that are no smaller than the largest (3,) of their gauge, but for the sensor's noise."""
     noise = np.fmax(np.nan_to_num(data.rows.sigma), data.cell.noise.deflection)
     return np.nan_to_num(np.abs(data.rows.deflection)) > largest - AT_THE_END * noise
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from identification.model.effects.base import Parameter, Signature
 from identification.model.effects.kinds import OfReading, along_axes
 from identification.model.load_state import PACE_S, LoadState
 
+HOUR_S = 3600.0
 # How soon a warm-up settles, as shares of the time that the rows take, is tried.
 SETTLING = (0.1, 0.3, 1.0)
 # How many cycles are tried in the time that the rows take.
@@ -23,17 +25,24 @@ SETTLES_S = Parameter("settles_s", "s", 1800.0, 30.0, 1e5, shape=True,
 
 
 class _Drift(OfReading):
-    """What the laws have in common."""
+    """What the laws have in common. It brings along a zero that seems not to be taken off: what came between that and the first
+    row."""
 
     name = "drift"
+    # So many times its size may have come before the first row: all, a wave from end to end, an hour's.
+    before: ClassVar[float]
     sentence = "the reading drifts with time, loaded or not (temperature, mounting)"
     settles = "leave the robot unloaded and read the sensors every ten minutes"
+
+    def brings(self, values: Array) -> dict[str, float]:
+        return {"sensor_step": self.before * float(np.linalg.norm(values[:3]))}
 
 
 class Settling(_Drift):
     """It comes to an end: `d (1 - exp(-t / t0))`, t the time since the unloaded reference was taken."""
 
     law = "settling"
+    before = 1.0
     formula_source = "engineering judgement: what warms up comes to a temperature, as one heat capacity does"
     parameters = (*along_axes(
         "{}_m", "m", 1.5e-5, 1e-2,
@@ -56,6 +65,7 @@ class Cycling(_Drift):
     """It comes and goes: `d sin(w t + phi)` less what it was when the reference was taken."""
 
     law = "cycling"
+    before = 2.0
     formula_source = "engineering judgement: a hall's heating and a spindle's cooler switch on and off at an even pace"
     parameters = (
         *along_axes("{}_m", "m", 1e-5, 1e-2,
@@ -90,6 +100,7 @@ class Drift(_Drift):
     """Rate times the time since the unloaded reference was taken; without any times, times the rows' order at an even pace."""
 
     other_laws = (Settling(), Cycling())
+    before = HOUR_S
     formula_source = "engineering judgement: a warm-up is slow against a measurement, so its first order in time is enough"
     parameters = along_axes(
         "{}_m_per_s", "m/s", 8.3e-9, 1e-6,

@@ -35,18 +35,12 @@ class ForceSensorCompliance(Effect):
     settles = "the sensor's data sheet, or a dial gauge between flange and spindle"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        return self._tilted(rows, values[0], 0.0)
+        return rows.tilted(values[0], 0.0)
 
     def further_ways(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         axis, force = rows.flange[:, :, 2], rows.wrench[:, :3]
         along = axis * np.sum(axis * force, axis=1, keepdims=True)
         ways = np.zeros((len(rows), 6, self.ways))
         ways[:, :3, 0], ways[:, :3, 1] = values[0] * HEIGHT_M**2 * (force - along), values[0] * HEIGHT_M**2 * along
-        ways[:, :, 2] = 0.5 * (self._tilted(rows, values[0], HEIGHT_M) - self._tilted(rows, values[0], -HEIGHT_M))
+        ways[:, :, 2] = 0.5 * (rows.tilted(values[0], HEIGHT_M) - rows.tilted(values[0], -HEIGHT_M))
         return ways
-
-    def _tilted(self, rows: LoadState, compliance: float, ahead: float) -> Array:
-        """Of a pivot so far ahead of the flange [m]."""
-        pivot = rows.origins[:, 5] + ahead * rows.flange[:, :, 2]
-        moment = np.einsum("nij,ni->nj", rows.flange, rows.moment_about(pivot)) * [1.0, 1.0, 0.0]
-        return rows.turned(pivot, compliance * np.einsum("nij,nj->ni", rows.flange, moment))

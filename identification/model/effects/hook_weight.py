@@ -1,22 +1,56 @@
-"""Every load is larger than reported by the same: a hook that nobody weighed."""
+"""Every load is larger than reported by the same: a hook that nobody weighed; or those with one disc of a set are."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 
 from identification.common.arrays import Array
-from identification.model.effects.base import Parameter
-from identification.model.effects.kinds import ONE_SIZE, OfWrench
+from identification.model.effects.base import Parameter, Signature
+from identification.model.effects.kinds import ONE_SIZE, OfWrench, nothing_hangs
 from identification.model.load_state import LoadState
 
 # Loads of fewer sizes than two, this share apart, tell it not from a gain of all forces.
 APART = 0.05
 
 
+class Disc(OfWrench):
+    """A force along the reported one, alike in all rows whose load is as large as one of those that were hung, or larger."""
+
+    name = "hook_weight"
+    law = "disc"
+    family = "load path"
+    formula_source = "engineering judgement: discs are hung one on the other, so that all loads from one of them on have it"
+    parameters = (
+        Parameter("force_n", "N", 10.0, -500.0, 500.0,
+                  source="engineering judgement: a disc that weighs a kilogram more than is stamped on it",
+                  bounds_source="engineering judgement: a disc of 50 kg that was not hung, or hung twice"),
+        Parameter("from_n", "N", 300.0, 0.0, 1e5, shape=True, source="engineering judgement: any of the loads",
+                  bounds_source="engineering judgement: any load that hangs"),
+    )
+    sentence = ("the loads from one of the discs on were larger or smaller than reported by the same: it weighs otherwise than "
+                "is stamped on it, or another one was hung")
+    settles = "weigh each disc"
+
+    def missing(self, rows: LoadState) -> str:
+        return nothing_hangs(rows) or ("" if len(_first_of_each_size(rows)) else ONE_SIZE)
+
+    def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        from_there = np.linalg.norm(rows.wrench[:, :3], axis=1, keepdims=True) >= values[1]
+        return np.where(from_there, _longer_by(rows, values[0]), rows.wrench)
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        scale = self.typical(rows, joint)[:1]
+        return [Signature(self._slope(rows, joint, np.array([0.0, size]), 0)[:, :, None], scale, False,
+                          partial(np.append, values=size), self) for size in _first_of_each_size(rows)]
+
+
 class HookWeight(OfWrench):
     """A force along the reported one, alike in all loaded rows."""
 
     name = "hook_weight"
+    other_laws = (Disc(),)
     family = "load path"
     formula_source = "engineering judgement: a weight that hangs wherever a load does"
     parameters = (Parameter("force_n", "N", 10.0, -200.0, 200.0,
@@ -32,6 +66,19 @@ class HookWeight(OfWrench):
         return "" if len(loaded) and np.ptp(loaded) > APART * loaded.max() else ONE_SIZE
 
     def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        size = np.linalg.norm(rows.wrench[:, :3], axis=1, keepdims=True)
-        along = np.divide(rows.wrench[:, :3], size, out=np.zeros((len(size), 3)), where=size > 0)
-        return np.concatenate([rows.wrench[:, :3] + values[0] * along, rows.wrench[:, 3:]], axis=1)
+        return _longer_by(rows, values[0])
+
+
+def _longer_by(rows: LoadState, force: float) -> Array:
+    """The reported wrenches (n, 6), the force of the loaded ones longer by so much [N]."""
+    size = np.linalg.norm(rows.wrench[:, :3], axis=1, keepdims=True)
+    along = np.divide(rows.wrench[:, :3], size, out=np.zeros((len(size), 3)), where=size > 0)
+    return np.concatenate([rows.wrench[:, :3] + force * along, rows.wrench[:, 3:]], axis=1)
+
+
+def _first_of_each_size(rows: LoadState) -> list[float]:
+    """A force [N] between the loads of each size and those of the next smaller, but for the smallest: sizes are APART of the
+    largest from each other."""
+    size = np.sort(np.linalg.norm(rows.wrench[:, :3], axis=1))
+    step = np.flatnonzero((np.diff(size) > APART * size[-1]) & (size[:-1] > APART * size[-1]))
+    return list((size[step] + size[step + 1]) / 2)

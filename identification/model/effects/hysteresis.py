@@ -20,6 +20,8 @@ from identification.model.load_state import LoadState
 FEWEST_WITNESSES, REMEMBERED = 3, 0.2
 # What the way to a pose lets go of is told by several.
 FEWEST_POSES = 2
+# Of a step of many rows by arrays as many rows one by one take as long (measured).
+ARRAY_STEP = 30
 # States in which a gear may be when a pose begins: anywhere between its ends alike. Each way is 1 sigma of its own, since the
 # load turns a gear sooner the one way than the other; together they are as wide as all states.
 BEGINS = (6**-0.5, -(6**-0.5))
@@ -50,21 +52,25 @@ class _Hysteresis(GearTwist):
     elements = 1
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
-        return np.asarray(values[0] * self._state(rows.torque[:, i], rows.starts, values[1]))
+        return np.asarray(values[0] * self.state(rows.torque[:, i], rows.starts, values[1]))
 
-    def _state(self, torque: Array, starts: NDArray[np.bool_], slip: float, begin: float = 0.0) -> Array:
+    def state(self, torque: Array, starts: NDArray[np.bool_], slip: Array | float, begin: float = 0.0) -> Array:
+        """State (n, ...) of torque paths (n, ...) [N m] of gears that slip at these torques, as `slip_state`."""
         share = np.arange(1, self.elements + 1) / self.elements
-        states = np.array([slip_state(torque, starts, part * slip, begin) for part in share])
-        return np.asarray(share @ states / share.sum())
+        states = slip_state(torque[..., None], starts, np.asarray(slip)[..., None] * share, begin)
+        return np.asarray(states @ share / share.sum())
 
     def of_each_visit(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         """The state in which the way to the pose left the gear, between -1 and 1: it shows against the unloaded reading that is
         taken first until the load has turned it once."""
         i = self.index(joint)
-        torque, starts = rows.torque[:, i], rows.starts
-        ways = [self._state(torque, starts, values[1], begin) - self._state(torque, starts, values[1]) - begin
-                for begin in BEGINS]
-        return np.asarray(values[0] * rows.jacobian[:, :, i, None] * np.stack(ways, axis=1)[:, None, :])
+        begun = self.begun(rows.torque[:, i], rows.starts, values[1])
+        return np.asarray(values[0] * rows.jacobian[:, :, i, None] * begun[:, None])
+
+    def begun(self, torque: Array, starts: NDArray[np.bool_], slip: Array | float) -> Array:
+        """By how much more the state (n, ..., 2) has changed since a visit began at each of BEGINS than from zero."""
+        ways = [self.state(torque, starts, slip, begin) - self.state(torque, starts, slip) - begin for begin in BEGINS]
+        return np.stack(ways, axis=-1)
 
     def missing(self, rows: LoadState) -> str:
         if any(self._witnesses(rows, joint, slip) for joint in self.joints for slip in self.parameters[1].grid):
@@ -83,7 +89,7 @@ class _Hysteresis(GearTwist):
         """Whether enough rows keep something of the loads before theirs."""
         torque = rows.torque[:, self.index(joint)]
         nothing = np.ones(len(torque), dtype=bool)
-        kept = self._state(torque, rows.starts, slip) - self._state(torque, nothing, slip)
+        kept = self.state(torque, rows.starts, slip) - self.state(torque, nothing, slip)
         return int(np.sum(np.abs(kept) > REMEMBERED)) >= FEWEST_WITNESSES
 
     def side(self, rows: LoadState, joint: int | None, values: Array) -> Array:
@@ -159,13 +165,33 @@ def _slip_state_of_log(torque: bytes, slip: float) -> Array:
     return state
 
 
-def slip_state(torque: Array, starts: NDArray[np.bool_], slip: float, begin: float = 0.0) -> Array:
-    """Maxwell-slip state (n,) of a torque path (n,) [N m]: from `begin` at each start, the torque before it zero."""
-    before = np.concatenate([[0.0], torque[:-1]])
+def slip_state(torque: Array, starts: NDArray[np.bool_], slip: Array | float, begin: float = 0.0) -> Array:
+    """Maxwell-slip states (n, ...) of torque paths (n, ...) [N m] that slip at these torques: from `begin` at each start, the
+    torque before it zero."""
+    before = np.concatenate([np.zeros_like(torque[:1]), torque[:-1]])
     before[starts] = 0.0
-    change = ((torque - before) / slip).tolist()
+    change = (torque - before) / slip
+    place = np.arange(len(torque)) - np.maximum.accumulate(np.where(starts, np.arange(len(torque)), 0))
+    # A step of all pose visits at once, or a row of one path after the other: the few poses of a load test, a long toolpath.
+    if ARRAY_STEP * (int(place.max(initial=0)) + 1) < change.size:
+        return _all_visits_at_once(change, place, begin)
+    paths = [_one_path(path, starts, begin) for path in change.reshape(len(change), -1).T]
+    return np.stack(paths, axis=1).reshape(change.shape)
+
+
+def _all_visits_at_once(change: Array, place: NDArray[np.intp], begin: float) -> Array:
+    """States (n, ...) by changes (n, ...) and the place (n,) of each row in its visit."""
+    states = np.empty_like(change)
+    order = np.argsort(place, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(place[order])) + 1):
+        came = begin if place[rows[0]] == 0 else states[rows - 1]
+        states[rows] = np.clip(came + change[rows], -1.0, 1.0)
+    return states
+
+
+def _one_path(change: Array, starts: NDArray[np.bool_], begin: float) -> Array:
     state, q = [], 0.0
-    for new, step in zip(starts.tolist(), change, strict=True):
+    for new, step in zip(starts.tolist(), change.tolist(), strict=True):
         q = min(1.0, max(-1.0, (begin if new else q) + step))
         state.append(q)
     return np.array(state)

@@ -8,10 +8,8 @@ import numpy as np
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter, Signature
-from identification.model.effects.drift import SETTLES_S, clock, settling_times
+from identification.model.effects.drift import HOUR_S, SETTLES_S, clock, settling_times
 from identification.model.load_state import LoadState
-
-HOUR_S = 3600.0
 
 
 class _Softening(Effect):

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 
 from identification.model.compliance import compliance_matrix, loaded_angles
 from identification.model.effects import Effect, effects
+from identification.model.law_of import known
 from identification.model.load_state import LoadState, load_state
 from identification.model.rotations import Frame
 from tests.support import random_poses, robot
@@ -49,6 +50,26 @@ def test_maxwell_betti(label: str, joint: int | None, name: str) -> None:
     assert largest.min() > 0
     assert np.all(np.abs(matrix - np.swapaxes(matrix, 1, 2)).max(axis=(1, 2)) < 1e-12 * largest)
     assert np.all(np.linalg.eigvalsh(matrix)[:, 0] > -1e-9 * largest)
+
+
+def test_what_stands_on_the_flange_bends_as_a_cantilever() -> None:
+    """Deflection and slope at the end of a clamped beam, as every book of strength of materials has them (F L^3 / 3 E I,
+    F L^2 / 2 E I, M L^2 / 2 E I, M L / E I), carried to a tip that stands beside the beam's axis."""
+    law = known("spindle_compliance.beam")
+    assert law is not None
+    theta = random_poses(robot(), 20, np.random.default_rng(8))
+    wrench = np.random.default_rng(9).normal(0, 1, (20, 6)) * [300, 300, 300, 40, 40, 40]
+    rows = at_rest("irb6660-205-1.90", theta, wrench)
+    aside, length, soft = np.array([*TOOL.position[:2], 0.0]), TOOL.position[2], 7e-6
+    for n in range(20):
+        force, moment = rows.flange[n].T @ wrench[n, :3], rows.flange[n].T @ wrench[n, 3:]
+        at_end = moment + np.cross(aside, force)
+        moved = soft * np.array([length**3 / 3 * force[0] + length**2 / 2 * at_end[1],
+                                 length**3 / 3 * force[1] - length**2 / 2 * at_end[0], 0.0])
+        slope = soft * np.array([length * at_end[0] - length**2 / 2 * force[1],
+                                 length * at_end[1] + length**2 / 2 * force[0], 0.0])
+        wanted = np.concatenate([rows.flange[n] @ (moved + np.cross(slope, aside)), rows.flange[n] @ slope])
+        assert_allclose(law.contribution(rows, None, np.array([soft]))[n], wanted, rtol=1e-10, atol=1e-14)
 
 
 @pytest.mark.parametrize(("label", "joint"), COUPLING)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -264,23 +265,32 @@ def lagging(torque: np.ndarray, radius: float, begin: float) -> np.ndarray:
     return np.array(passed)
 
 
+def held_back(torque: np.ndarray, slip: float, elements: int, begin: float) -> np.ndarray:
+    """The torque less what play operators of radii spread evenly up to `slip` make of it, in shares of the whole."""
+    radii = slip * np.arange(1, elements + 1) / elements
+    return sum(torque - lagging(torque, radius, -begin * radius) for radius in radii) / radii.sum()
+
+
+def loaded_and_unloaded() -> LoadState:
+    """Two visits, loaded up, down, the other way and back."""
+    rows = drawn(24)
+    share = np.concatenate([[0.0], np.array([0.3, 0.7, 1.0, 0.5, 0.0, -0.5, -1.0, -0.2, 0.0, 0.4, 0.1])])
+    alike = load_state(rows.robot, TOOL, np.repeat(rows.theta[:2], 12, axis=0), np.tile(share, 2)[:, None] * np.repeat(
+        rows.wrench[:2], 12, axis=0), COMPLIANCE)
+    return replace(alike, visit=np.repeat([0, 1], 12))
+
+
 @pytest.mark.parametrize(("law", "elements"), [("hysteresis", 1), ("hysteresis.smooth", 8)])
 def test_friction_in_a_gear_is_what_lags_behind(law: str, elements: int) -> None:
     """The torque less what play operators of evenly spread radii make of it; and where the way to the pose left them elsewhere,
     against the reading that is taken first, the same with that begin."""
-    rows, effect, joint = drawn(24), known(law), 3
+    alike, effect, joint = loaded_and_unloaded(), known(law), 3
     assert effect is not None
-    share = np.concatenate([[0.0], np.array([0.3, 0.7, 1.0, 0.5, 0.0, -0.5, -1.0, -0.2, 0.0, 0.4, 0.1])])
-    alike = load_state(rows.robot, TOOL, np.repeat(rows.theta[:2], 12, axis=0), np.tile(share, 2)[:, None] * np.repeat(
-        rows.wrench[:2], 12, axis=0), COMPLIANCE)
-    alike = replace(alike, visit=np.repeat([0, 1], 12))
     torque = alike.torque[:, joint - 1]
     slip, amplitude = 0.6 * np.abs(torque).max(), -3e-5
-    radii = slip * np.arange(1, elements + 1) / elements
 
     def state(part: slice, begin: float) -> np.ndarray:
-        held = sum(torque[part] - lagging(torque[part], radius, -begin * radius) for radius in radii)
-        return held / radii.sum()
+        return held_back(torque[part], slip, elements, begin)
 
     column = alike.jacobian[:, :, joint - 1]
     values = np.array([amplitude, slip])
@@ -292,6 +302,25 @@ def test_friction_in_a_gear_is_what_lags_behind(law: str, elements: int) -> None
         begun = np.concatenate([state(slice(0, 12), begin), state(slice(12, 24), begin)]) - begin
         assert_allclose(otherwise[:, :, way], amplitude * (begun - plain)[:, None] * column, atol=1e-15)
     assert_allclose(otherwise[[0, 12]], 0.0, atol=1e-15)
+
+
+def test_lost_motion_is_the_friction_of_every_gear() -> None:
+    """Each lags behind by its own amplitude, and slips under the torque that winds it up as far as the others."""
+    rows, law = loaded_and_unloaded(), known("lost_motion")
+    assert law is not None
+    wind_up, amplitudes = 2e-5, -1e-5 * np.array([3.0, 1.0, 2.0, 0.5, 4.0, 1.5])
+    plain, begun = np.zeros((24, 6)), np.zeros((24, 6, 12))
+    for joint, part in product(range(6), (slice(0, 12), slice(12, 24))):
+        torque, column = rows.torque[part, joint], rows.jacobian[part, :, joint]
+        of_zero = held_back(torque, wind_up / COMPLIANCE[joint], 8, 0.0)
+        assert np.abs(of_zero).max() > 0.2
+        plain[part] += amplitudes[joint] * of_zero[:, None] * column
+        for way, begin in enumerate((6**-0.5, -(6**-0.5))):
+            other = held_back(torque, wind_up / COMPLIANCE[joint], 8, begin) - begin - of_zero
+            begun[part, :, 2 * joint + way] = amplitudes[joint] * other[:, None] * column
+    values = np.append(amplitudes, wind_up)
+    assert_allclose(law.contribution(rows, None, values), plain, atol=1e-15)
+    assert_allclose(law.of_each_visit(rows, None, values), begun, atol=1e-15)
 
 
 def cycled(poses: int) -> LoadState:

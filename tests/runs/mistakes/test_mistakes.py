@@ -76,6 +76,21 @@ def test_a_mistake_that_heavy_tails_would_hide_is_named(tmp_path: Path) -> None:
     assert [mistake["mistake"] for mistake in found["mistakes"]] == ["readings_clipped"]
 
 
+def test_one_gauge_that_ends_before_the_others_do_is_named(tmp_path: Path) -> None:
+    """The others read more: its readings had been bad ones, each by itself."""
+    case = right(5600021, "irb6640-235-2.55")
+    axis = int(np.argmin(np.abs(case.moved).max(axis=0)))
+    end = np.sort(np.abs(case.moved[:, axis]))[-6]
+    assert end < 0.9 * np.abs(case.moved).max()
+    moved = case.moved.copy()
+    moved[:, axis] = np.clip(moved[:, axis], -end, end)
+    found = diagnosed(tmp_path, *replace(case, moved=moved).write(tmp_path))
+    assert found["verdict"] == "mistake"
+    (mistake,) = found["mistakes"]
+    assert mistake["mistake"] == "readings_clipped"
+    assert f"readings of d{'xyz'[axis]} of {end:.0f} um" in mistake["sentence"]
+
+
 @pytest.mark.parametrize(("robot", "seed"), [("irb4400-60", 5600001), ("irb6640-235-2.55", 5600006)])
 def test_a_tcp_that_is_off_is_no_soft_spindle(tmp_path: Path, robot: str, seed: int) -> None:
     """20 mm of one coordinate, little more than the noise, which visits share. A load under which nothing was zeroed had
