@@ -125,11 +125,27 @@ def likelier_fit(found: Named) -> Posterior | None:
     return likeliest if value > log_evidence(found.fitted) + LIKELIER else None
 
 
-def without_slight(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> tuple[Posterior, frozenset[str]]:
+def needless(extended: Posterior, choices: int) -> set[str]:
+    """The label of a term without which the rows are as likely, once all laws are free within what real ones differ by from the
+    dictionary's and the choice among so many effects is counted; empty where there is none."""
+    if len(extended.terms) < 2:
+        return set()
+    free = log_evidence(with_free_laws(extended)) - np.log(choices)
+    for term in extended.terms:
+        others = _without(extended, {term.label})
+        if any(uncertain(other.effect) for other in others.terms) and log_evidence(with_free_laws(others)) > free:
+            return {term.label}
+    return set()
+
+
+def without_slight(
+    data: LoadTest, extended: Posterior, choices: int, rng: np.random.Generator,
+) -> tuple[Posterior, frozenset[str]]:
     """The extended model without terms of nothing, and without those that stand for what the others' laws do not give exactly;
     and the labels of those that stay in it without being a name: small against their typical size, or brought along by another,
-    yet of use on rows that were not fitted. data: all rows."""
+    yet of use on rows that were not fitted. data: all rows; choices: how many effects it was chosen among."""
     extended = _without(extended, of_nothing(extended))
+    extended = _without(extended, needless(extended, choices))
     small = {term.label for term, values in zip(extended.terms, extended.term_values, strict=True)
              if term.typical_sizes(values) < SLIGHT} | set(brought_along(extended))
     if len(small) == len(extended.terms):

@@ -220,7 +220,7 @@ class Procedure:
         seen, best, extended, adequacy, scatter = found.named.seen, found.best, found.fitted, found.adequacy, found.scatter
         slight: frozenset[str] = frozenset()
         if best is not None:
-            extended, slight = without_slight(self.data, extended, self.rng)
+            extended, slight = without_slight(self.data, extended, len(seen.dictionary.entries), self.rng)
         physics = (log_posterior(mistakes.found, extended, len(seen.dictionary.entries))
                    if mistakes.possible or mistakes.slight else 0.0)
         if mistakes.clearly(physics):

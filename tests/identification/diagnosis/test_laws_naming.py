@@ -20,6 +20,7 @@ from identification.diagnosis.naming import (
     kindred,
     likelier_fit,
     likeliest_fit,
+    needless,
     of_nothing,
     only_local,
     with_open_laws,
@@ -87,13 +88,43 @@ def test_nothing_is_within_two_sigma_one_by_one_and_together(off: list[float], c
 
 def test_what_another_term_brings_along_is_told_with_its_name() -> None:
     def one(name: str, brings: dict[str, float]) -> Any:
-        effect = SimpleNamespace(name=name, brings=lambda values: {key: share * values[0] for key, share in brings.items()})
+        effect = SimpleNamespace(name=name, brings=lambda values: {key: share * values[0] for key, share in brings.items()},
+                                 where={})
         return SimpleNamespace(label=f"{name}[1]", effect=effect, neutral=np.array([1.0]))
 
     ball, turn = one("ball", {"turn": 0.1}), one("turn", {})
     for size, found in ((1.9, {"turn[1]": "ball[1]"}), (0.1, {"turn[1]": "ball[1]"}), (2.1, {}), (-0.1, {})):
         extended: Any = SimpleNamespace(terms=[ball, turn], term_values=[np.array([10.0]), np.array([size])])
         assert brought_along(extended) == found
+    # What begins at a row is a cause of its own; what holds in all of them may be the zero of what came before.
+    turn.effect.where = {"row": 1}
+    for from_row, found in ((0, {"turn[1]": "ball[1]"}), (2, {})):
+        there = np.where(np.arange(5) >= from_row, 3e-5, 0.0)[:, None] * np.eye(6)[0]
+        turn.contribution = lambda state, values, there=there: there
+        extended = SimpleNamespace(terms=[ball, turn], term_values=[np.array([10.0]), np.array([1.9])], load_state=None)
+        assert brought_along(extended) == found
+
+
+@pytest.mark.parametrize(("laws", "alone", "found"), [
+    ({"gear", "other"}, -14.3, {"other"}), ({"gear", "other"}, -14.7, set()), ({"gear"}, -14.3, {"other"}),
+    (set(), 99.0, set())])
+def test_a_further_effect_must_do_what_no_real_law_would(
+    monkeypatch: pytest.MonkeyPatch, laws: set[str], alone: float, found: set[str],
+) -> None:
+    """With the laws free a set of one effect less may be as likely: the choice among ninety is ln 90 = 4.5. What is free is the
+    law that is left; where none is nothing speaks for it."""
+    def fit(*labels: str) -> Any:
+        terms = [SimpleNamespace(label=label, effect=label) for label in labels]
+        return SimpleNamespace(terms=terms, data=None, free=False)
+
+    monkeypatch.setattr(naming, "uncertain", lambda effect: effect in laws)
+    monkeypatch.setattr(naming, "attempt", lambda data, kept, near: fit(*(term.label for term in kept)))
+    monkeypatch.setattr(naming, "with_free_laws", lambda extended: SimpleNamespace(terms=extended.terms, free=True))
+    values = {("gear", "other"): -10.0, ("gear",): alone, ("other",): -40.0}
+    monkeypatch.setattr(naming, "log_evidence", lambda extended: values[tuple(t.label for t in extended.terms)] - 99.0 * (
+        not extended.free))
+    assert needless(fit("gear", "other"), 90) == found
+    assert needless(fit("gear"), 90) == set()
 
 
 def survey(*sets: tuple[tuple[int, ...], float]) -> Any:
@@ -229,6 +260,7 @@ def set_of(monkeypatch: pytest.MonkeyPatch, sizes: dict[str, float], useless: se
 
     monkeypatch.setattr(naming, "attempt", attempt)
     monkeypatch.setattr(naming, "of_nothing", lambda extended: {"nothing"} & set(sizes))
+    monkeypatch.setattr(naming, "needless", lambda extended, choices: set())
     monkeypatch.setattr(naming, "brought_along", lambda extended: dict.fromkeys(brought, "main"))
     monkeypatch.setattr(naming, "_of_no_use", lambda data, extended, label, rng: label in useless)
     monkeypatch.setattr(naming, "_slight_beside", lambda data, extended, rng: {"beside"} & set(sizes))
@@ -251,7 +283,7 @@ def test_what_is_small_stays_where_it_is_of_use_and_is_no_name(
 ) -> None:
     """Where all are small none is: something is at work."""
     nothing: Any = None
-    extended, labels = without_slight(nothing, set_of(monkeypatch, sizes, useless, brought), nothing)
+    extended, labels = without_slight(nothing, set_of(monkeypatch, sizes, useless, brought), 90, nothing)
     assert [term.label for term in extended.terms] == kept
     assert labels == slight
 
