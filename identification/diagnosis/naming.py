@@ -12,6 +12,7 @@ from identification.diagnosis.gain import gain
 from identification.diagnosis.judgement import Cause
 from identification.diagnosis.search import Hypothesis, Survey, log_prior, survey
 from identification.fit.discrepancy import discrepancies
+from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.posterior import Posterior
@@ -40,6 +41,8 @@ MAX_ROUNDS = 4
 MOST_TRIED = 4
 # ln of how much likelier such a fit must be.
 LIKELIER = 3.0
+# Weights that are tried instead of one that was found, in shares of it.
+OTHER_WEIGHTS = (0.65, 1.5)
 # So many sets whose fit does not converge, and there is no use in trying further.
 MOST_LOST = 8
 
@@ -151,8 +154,26 @@ def without_slight(
     if len(small) == len(extended.terms):
         small = set()
     useless = {label for label in small if _of_no_use(data, extended, label, rng)}
-    extended = _without(extended, useless | _slight_beside(data, extended, rng))
+    extended = weighed_anew(_without(extended, useless | _slight_beside(data, extended, rng)))
     return extended, frozenset(small & {term.label for term in extended.terms})
+
+
+def weighed_anew(extended: Posterior) -> Posterior:
+    """The extended model, or the same from another weight where that is far likelier once the laws are free: a law that is not
+    quite the gear's may fit best under a wrong one, from which no slope leads to the other."""
+    if not any(term.effect.weighed for term in extended.terms):
+        return extended
+    tried = [extended, *(attempt(extended.data, _under(extended, factor), extended) for factor in OTHER_WEIGHTS)]
+    fits = [fitted for fitted in tried if fitted is not None]
+    values = [log_evidence(with_free_laws(fitted)) for fitted in fits]
+    likeliest = int(np.argmax(values))
+    return fits[likeliest] if values[likeliest] > values[0] + LIKELIER else extended
+
+
+def _under(extended: Posterior, factor: float) -> list[Term]:
+    """The terms of a model, to be fitted from so many times the weights that were found."""
+    return [replace(term, start=values * np.append(np.ones(len(values) - 1), factor) if term.effect.weighed else values)
+            for term, values in zip(extended.terms, extended.term_values, strict=True)]
 
 
 def brought_along(extended: Posterior) -> dict[str, str]:

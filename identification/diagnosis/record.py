@@ -141,7 +141,11 @@ def _named(cause: Cause) -> dict[str, Any]:
 
 
 def _cause(judgement: Judgement, cause: Cause) -> dict[str, Any]:
+    """What is written of a cause. Of a law under a weight that nobody stated its values are those of the model that is carried
+    on, its law free: one that is not quite the gear's weighs wrongly."""
     model, place = judgement.extended, 6
+    if judgement.carried is not None and cause.effect.weighed:
+        model = judgement.carried
     for term, fitted in zip(model.terms, model.term_values, strict=True):
         own = slice(place, place + len(term.start))
         if term.label == cause.label:
