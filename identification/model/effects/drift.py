@@ -13,6 +13,8 @@ from identification.model.effects.kinds import OfReading, along_axes
 from identification.model.load_state import PACE_S, LoadState
 
 HOUR_S = 3600.0
+# Of what an arm grows by, so much may have come before the first row, 1 sigma (engineering judgement).
+BEFORE = 0.3
 # How soon a warm-up settles, as shares of the time that the rows take, is tried.
 SETTLING = (0.1, 0.3, 1.0)
 # How many cycles are tried in the time that the rows take.
@@ -96,10 +98,40 @@ class Cycling(_Drift):
         return found
 
 
+class Growing(_Drift):
+    """All of the arm grows alike: `s (1 - exp(-t / t0))` of the way from the foot to the tool tip, t the time since the
+    unloaded reference was taken. Further ways: what it had grown by before the first row."""
+
+    law = "growing"
+    before = 0.0
+    ways = 1
+    formula_source = "engineering judgement: all links warm up alike, so that the arm stays like itself"
+    parameters = (
+        Parameter("share", "1", 3e-5, -1e-2, 1e-2,
+                  source="engineering judgement: an arm of aluminium or iron, two degrees warmer",
+                  bounds_source="engineering judgement: to a hundred times what a foundry's day does"),
+        SETTLES_S)
+    sentence = "the robot grows while it warms up: the tool goes out in proportion to its distance from the foot"
+    settles = "move the unloaded robot to one pose every ten minutes, and read the sensors there"
+
+    def misread(self, rows: LoadState, values: Array) -> Array:
+        since = np.nan_to_num(since_reference(rows))
+        return np.asarray(-values[0] * np.expm1(-since / values[1])[:, None] * rows.tcp)
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        return [Signature(self.contribution(rows, joint, np.array([1.0, settles]))[:, :3, None], self.typical(rows, joint)[:1],
+                          False, partial(np.append, values=settles), self) for settles in settling_times(rows)]
+
+    def further_ways(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        ways = np.zeros((len(rows), 6, self.ways))
+        ways[rows.reference == 0, :3, 0] = BEFORE * values[0] * rows.tcp[rows.reference == 0]
+        return ways
+
+
 class Drift(_Drift):
     """Rate times the time since the unloaded reference was taken; without any times, times the rows' order at an even pace."""
 
-    other_laws = (Settling(), Cycling())
+    other_laws = (Settling(), Cycling(), Growing())
     before = HOUR_S
     formula_source = "engineering judgement: a warm-up is slow against a measurement, so its first order in time is enough"
     parameters = along_axes(

@@ -40,10 +40,28 @@ class Tilting(_Play):
         return rows.turned(pivot, values[0] * _towards(across, GOES_OVER_NM))
 
 
+class Hinge(_Play):
+    """Rotation by half the play about one axis across flange z, as the load's moment about that axis turns it: a changer that
+    sits on two of its pins."""
+
+    law = "hinge"
+    parameters = (*Tilting.parameters, Parameter(
+        "axis_rad", "rad", 0.8, -1.6, 3.2, grid=tuple((np.arange(4) * np.pi / 4).round(4)), shape=True,
+        source="engineering judgement: no direction is more likely than another",
+        bounds_source="engineering judgement: any direction, half a turn"))
+    sentence = "the tool tips to and fro about one axis across the flange, by the play of its changer or its mount"
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        half_gap, angle = values
+        axis, pivot = rows.flange @ np.array([np.cos(angle), np.sin(angle), 0.0]), rows.origins[:, 5]
+        moment = np.sum(axis * rows.moment_about(pivot), axis=1, keepdims=True)
+        return rows.turned(pivot, half_gap * _towards(moment, GOES_OVER_NM) * axis)
+
+
 class ToolPlay(_Play):
     """Half the play, in the direction of the force across tool z: a worn spindle bearing, a holder that does not sit."""
 
-    other_laws = (Tilting(),)
+    other_laws = (Tilting(), Hinge())
     parameters = (Parameter("half_gap_m", "m", 1e-5, 0.0, 5e-4,
                             source="engineering judgement: a worn spindle bearing has 5 to 20 um",
                             bounds_source="engineering judgement: none, to what is felt by hand"),)
@@ -56,6 +74,6 @@ class ToolPlay(_Play):
 
 
 def _towards(pull: Array, goes_over: float) -> Array:
-    """Unit vectors (n, 3) along a pull, shorter where it is too small to go over."""
+    """Unit vectors (n, k) along a pull, shorter where it is too small to go over."""
     size = np.linalg.norm(pull, axis=1, keepdims=True)
     return np.asarray(pull / np.maximum(size, 1e-300) * np.minimum(size / goes_over, 1.0))

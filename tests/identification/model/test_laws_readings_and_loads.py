@@ -213,6 +213,73 @@ def test_a_drift_that_cycles_is_back_after_a_period() -> None:
     assert_allclose(later, np.array([0, -1, -2, -1, 0, -1, -2, -1, 0.0])[:, None] * off, atol=1e-15)
 
 
+def test_an_arm_that_grows_stays_like_itself() -> None:
+    """A tenth of a thousandth of the way from the foot to the tip when it is warm; 1 - 1/e of that after its time."""
+    rows = replace(loaded(DRAWN), time=900.0 * np.arange(9), row=np.arange(1, 10), reference=np.zeros(9, dtype=int))
+    grown = law("drift.growing").contribution(rows, None, np.array([1e-4, 900.0]))
+    tip = rows.origins[:, 5] + (rows.flange @ TOOL.position)
+    assert_allclose(grown[0], 0.0, atol=1e-15)
+    assert_allclose(grown[1, :3], 1e-4 * (1 - np.exp(-1.0)) * tip[1], rtol=1e-12)
+    assert_allclose(grown[8, :3], 1e-4 * (1 - np.exp(-8.0)) * tip[8], rtol=1e-12)
+    assert_allclose(grown[:, 3:], 0.0)
+
+
+def test_a_load_that_leaks_is_smaller_the_longer_it_is_on() -> None:
+    rows = replace(loaded(DRAWN), dwell=np.array([0.0, 10, 20, 30, 40, 50, 60, 70, np.nan]))
+    true = law("load_leak").true_wrench(rows, None, np.array([np.log(2) / 10]))
+    assert true is not None
+    assert_allclose(true, DRAWN * np.array([1, 1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32, 1 / 64, 1 / 128, 1])[:, None])
+    assert not law("load_leak").missing(rows)
+    assert law("load_leak").missing(replace(rows, dwell=np.full(9, 20.0)))
+    assert law("load_leak").missing(replace(rows, dwell=np.full(9, np.nan)))
+
+
+def test_a_cable_runs_to_the_pulley_wherever_the_tool_is() -> None:
+    """From the tip towards a point four metres from where the written direction is right, with the same pull."""
+    rows = loaded(forces([300.0] * 6, np.array([1.0, 2.0, 2.0])), poses=6)
+    right_at = np.array([1.2, 0.1, 0.9])
+    true = law("force_misalignment.pulley").true_wrench(rows, None, np.array([0.25, *right_at]))
+    assert true is not None
+    pulley = right_at + 4.0 * np.array([1.0, 2.0, 2.0]) / 3
+    tip = rows.origins[:, 5] + (rows.flange @ TOOL.position)
+    way = pulley - tip
+    assert_allclose(true[:, :3], 300 * way / np.linalg.norm(way, axis=1)[:, None], rtol=1e-12)
+    (shape,) = (shape for shape in law("force_misalignment").signatures(rows, None) if shape.effect.law == "pulley")
+    small = np.array([1e-3, 1e-3 * 1.2, 1e-3 * 0.1, 1e-3 * 0.9])
+    assert_allclose(shape.values(small), [1e-3, *right_at])
+    moved = shape.effect.contribution(rows, None, shape.values(small))[:, :3]
+    assert_allclose(shape.rows @ small, moved, atol=2e-3 * np.abs(moved).max())
+    assert law("force_misalignment.pulley").missing(loaded(forces([300.0] * 6, np.array([0.0, 0.0, -1.0])), poses=6))
+
+
+def test_a_changer_on_two_pins_tips_about_them_alone() -> None:
+    """By half its play to where the moment about that axis turns it; a moment about the other one does nothing."""
+    rows = replace(loaded(np.zeros((8, 6)), poses=1), at_load=True)
+    about = np.array([np.cos(0.6), np.sin(0.6), 0.0])
+    other = np.array([-np.sin(0.6), np.cos(0.6), 0.0])
+    moment = np.outer([60, -60, 0, 0, 60, 0, 1, 2.5], about) + np.outer([0, 0, 60, -60, 300, 0, 0, 0], other)
+    wrench = np.concatenate([np.zeros((8, 3)), np.einsum("nij,nj->ni", rows.flange, moment)], axis=1)
+    rows = load_state(rows.robot, TOOL, rows.theta, wrench, COMPLIANCE, at_load=True)
+    share = np.array([1, -1, 0, 0, 1, 0, 0.2, 0.5])
+    turned = 2e-4 * share[:, None] * (rows.flange @ about)
+    moved = law("tool_play.hinge").contribution(rows, None, np.array([2e-4, 0.6]))
+    assert_allclose(moved[:, 3:], turned, atol=1e-15)
+    assert_allclose(moved[:, :3], np.cross(turned, rows.flange @ TOOL.position), atol=1e-15)
+
+
+def test_a_disc_that_weighs_otherwise_is_in_every_load_from_its_own_on() -> None:
+    plumb = np.array([0.0, 0.0, -1.0])
+    rows = loaded(forces([0.0, 100, 200, 300, 200, 100, 0], plumb), poses=1)
+    disc = law("hook_weight.disc")
+    true = disc.true_wrench(rows, None, np.array([15.0, 150.0]))
+    assert true is not None
+    assert_allclose(true[:, 2], [0.0, -100, -215, -315, -215, -100, 0])
+    places = [shape.values(np.array([15.0]))[1] for shape in disc.signatures(rows, None)]
+    assert [int(np.sum(np.array([100, 200, 300]) > place)) for place in places] == [2, 1]
+    assert disc.missing(loaded(forces([0.0, 100, 100], plumb), poses=1))
+    assert disc.missing(loaded(forces([0.0, 100, 200], np.array([1.0, 0.0, 0.0])), poses=1))
+
+
 def shapes(name: str, rows: LoadState) -> list[tuple[Signature, int | None]]:
     effect = effects()[name]
     return [(shape, joint) for joint in effect.places for shape in effect.signatures(rows, joint)]
