@@ -229,8 +229,8 @@ def under_forces(
         if settings.correction.logged_with is not None:
             added = read_added(settings.correction.logged_with)
             log = log if added is None else by_given_targets(log, path, added)
-        noticed = (*noticed, *log.findings, *said_of_order(program.text, ~program.air, log.key,
-                                                                followed=path.toolpath.driven is not None))
+        followed = path.toolpath.driven is not None or bool(path.toolpath.ways)
+        noticed = (*noticed, *log.findings, *said_of_order(program.text, ~program.air, log.key, followed=followed))
         placed = place_forces(log, path, path.cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)
         noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
                    *_without_zero(placed, path, settings), *other_tools(path, placed.forced))
@@ -244,7 +244,7 @@ def under_forces(
         raise type(stopped)(*stopped.findings, *noticed) from stopped
     told = taken_as_given(loaded, settings).finding(path.cell.cutting, settings.correction.depth_of_cut, placed.log.source)
     order = said_of_order(program.text, np.isin(np.arange(len(path.toolpath)), targets), log.key,
-                          followed=any(finding.code == "CS3122" for finding in placed.findings)
+                          followed=any(finding.code in ("CS3122", "CS3123") for finding in placed.findings)
                           or (log.predicted is not None and path.toolpath.driven is not None))
     return Predicted(settings, program, loaded, prediction, (*noticed, *left, *order, *prediction.findings, *told))
 

@@ -42,9 +42,10 @@ class DrivenPath:
         return np.where(end == start + 1, within, length[order[nearer]]), self.first[nearer]
 
 
-def driven_path(path: RobotPath) -> DrivenPath | None:
-    """None where that is the order of the text, or cannot be told: a target of unknown place, external axes that move."""
-    order = path.toolpath.driven
+def driven_path(path: RobotPath, order: Indices | None = None) -> DrivenPath | None:
+    """The path in the order (D,) of the targets, that of the toolpath where none is named; None where that is the order of the
+    text, or cannot be told: a target of unknown place, external axes that move."""
+    order = path.toolpath.driven if order is None else order
     if order is None or len(order) < 2 or path.axes.moves:
         return None
     run = robot_path(path.toolpath.taken(order), path.cell)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from compensator.rapid.calls import Routine, Runs, runs_of
+from compensator.rapid.blocks import Routine
 from compensator.rapid.expressions import Expr
 from compensator.rapid.inline_moves import InlineMoves
 from compensator.rapid.moves import Tail
@@ -55,11 +55,6 @@ class Scan:
     @property
     def scope(self) -> Scope:
         return self.scopes[-1][1]
-
-    @property
-    def runs(self) -> Runs:
-        """How the program drives its targets."""
-        return runs_of(self.bodies, len(self.move))
 
     def enter(self, scope: Scope) -> None:
         self.scopes.append((len(self.move), scope))
