@@ -51,8 +51,7 @@ def as_driven(log: ForceLog, path: RobotPath) -> ForceLog:
     if path.toolpath.ways:
         return _along_ways(log, path)
     driven = driven_path(path)
-    if driven is None or (log.key == "path_mm" and _of_text(
-            float(log.place.max()), float(driven.run.length[-1]), float(path.length[-1]))):
+    if driven is None or (log.key == "path_mm" and _of_text(float(log.place.max()), *driven.ends)):
         return on_path(log, path)
     try:
         placed = on_path(log, driven.run)
@@ -113,7 +112,7 @@ def _fitting(log: ForceLog, placed: list[_Placed]) -> list[_Placed]:
     """Those ways which the log may be of: by its end where it counts path length, by its samples on the path where it has
     positions."""
     if log.key == "path_mm":
-        length = np.array([one.driven.run.length[-1] for one in placed])
+        length = np.array([one.driven.ends[0] for one in placed])
         off = np.abs(float(log.place.max()) - length)
         near = off.min(initial=np.inf)
         if near > APART * length.max(initial=0.0):

@@ -72,9 +72,12 @@ def _unsettled(rows: Rows, places: Places, block: NDArray[np.object_]) -> list[F
             continue
         reason = rows.problems[number]
         block[which] = reason.why
+        hint = "write it as a robtarget with numbers, or declared with numbers in this file, if it is to be corrected"
+        if reason.code == "CS2056":
+            hint = ("write a move for each position, to a robtarget or to an element of the array (p{1}, p{2} ...), if it is "
+                    "to be corrected")
         findings.append(places.targets(
-            reason.code, "warning", f"the target is left as it is: {reason.why}", which,
-            "write it as a robtarget with numbers, or declared with numbers in this file, if it is to be corrected"))
+            reason.code, "warning", f"the target is left as it is: {reason.why}", which, hint))
     return sorted(findings, key=lambda finding: finding.target or 0)
 
 

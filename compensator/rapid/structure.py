@@ -60,6 +60,8 @@ class Statements:
         elif kind == "condition":
             words = tokens(self.scan.source, start, end)
             self.scan.uses.reads(words[1:], self.scan.scope)
+            if words[0].word == "for":      # its variable hides data of that name
+                self.scan.uses.assigned.add((words[1].word, self.scan.scope))
             self._step(words[0].word, "", start, end)
         elif kind == "word":
             word = tokens(self.scan.source, start, end)[0].word
