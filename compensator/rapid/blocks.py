@@ -7,7 +7,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
+from compensator.rapid.conditions import split
+from compensator.rapid.lexer import Token, tokens
 from compensator.rapid.scopes import Scope
+from compensator.rapid.text import Source
 
 # Instructions behind which the next statement is not the one that stands there.
 JUMPS = ("return", "exit", "exitcycle", "raise", "goto")
@@ -103,6 +106,20 @@ class Routine:
         while closed:       # a word that closes nothing is passed over
             closed = _fill(block, steps, stop) is not None
         return block
+
+
+def words_of(source: Source, step: Step) -> list[Token]:
+    """The words of a step without a semicolon."""
+    found = tokens(source, step.start, step.end)[:-1]
+    return found[:-1] if found and found[-1].word == ";" else found
+
+
+def arguments(source: Source, call: Step) -> list[list[Token]]:
+    """The required arguments of a call, up to the first optional one."""
+    words = words_of(source, call)
+    words = words[3 if words and words[0].word == "%" else 1:]
+    stop = next((k for k, word in enumerate(words) if word.word == "\\"), len(words))
+    return [part[2:] if len(part) > 2 and part[1].word == ":=" else part for part in split(words[:stop], ",")]
 
 
 def _fill(block: Block, steps: Iterator[Step], stop: int) -> Step | None:

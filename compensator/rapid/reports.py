@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.rapid.handed import handed_out
 from compensator.rapid.quaternions import SLIGHT, UNUSABLE
 from compensator.rapid.rows import Rows
 from compensator.rapid.scan import Scan
@@ -56,6 +58,7 @@ def report(
     findings += _shifted(scan, tails, places, displaced, soft, axes_offset, block)
     findings += _frames(tails.tools, tails.tool, "tool", "CS2020", "CS2022", places)
     findings += _frames(tails.workobjects, tails.workobject, "work object", "CS2021", "CS2023", places)
+    findings += _handed(scan, tails, places)
     findings += _forgotten_object(scan, tails, places)
     findings += _unknown(scan, tails, places)
     findings += _others(scan, places)
@@ -148,6 +151,36 @@ def _frames(
         else:
             findings.append(places.targets(unknown, "note", f"{what} {frame.name} is not declared with numbers in this file",
                                            which, _CELL))
+    return findings
+
+
+def _as_written(source: Source, name: str) -> str:
+    """A name in small letters as the text has it first."""
+    found = re.search(rb"(?i)\b" + re.escape(name.encode(source.encoding)) + rb"\b", source.data)
+    return source.text(found.start(), found.end()) if found else name
+
+
+def _handed(scan: Scan, tails: Tails, places: Places) -> list[Finding]:
+    """Tools and work objects that calls hand over, as they are taken."""
+    declarations = scan.names.declarations
+    findings = []
+    if tails.handed:
+        names = ", ".join(dict.fromkeys(declarations[number].name for number in tails.handed))
+        findings.append(places.offset(
+            "CS2057", "note", f"tool or work object {names}, a parameter: taken as what every call in this file hands over",
+            [declarations[number].start for number in tails.handed],
+            "right unless another file calls the routine with another one"))
+    out = {number: routine for number, routine in handed_out(scan.names, scan.uses, scan.routines).items()
+           if declarations[number].start in tails.declared}
+    for number, routine in out.items():
+        item = declarations[number]
+        what = "tool" if item.type == "tooldata" else "work object"
+        name = places.source.text(item.start, item.end).split(":=")[0].split()[-1]
+        where = ("a routine whose name is made at run time" if routine == "%"
+                 else f"{_as_written(places.source, routine)}, which is not in this file")
+        findings.append(places.offset(
+            "CS2058", "note", f"{what} {name} is handed to {where}: taken as it is declared here", [item.start],
+            "where that changes it, such as by measuring the part, declare it with the values it has then"))
     return findings
 
 

@@ -140,9 +140,12 @@ class Statements:
 
     def _by_name(self, words: list[Token]) -> None:
         """`%name%` calls a routine by its name: one that stands there in quotes, or one that is made at run time."""
-        self.scan.uses.reads(words, self.scan.scope, "%")
         written = words[1].kind == "string" and words[2].word == "%"
-        self._step("call", self.scan.source.fold(words[1].text.strip(b'"')) if written else "%", words[0].start, words[-1].end)
+        behind = next((k + 1 for k, word in enumerate(words) if k and word.word == "%"), 1)
+        name = self.scan.source.fold(words[1].text.strip(b'"')) if written else "%"
+        self.scan.uses.reads(words[:behind], self.scan.scope)
+        self.scan.uses.reads(words[behind:], self.scan.scope, name)
+        self._step("call", name, words[0].start, words[-1].end)
 
     def _step(self, kind: str, name: str, start: int, end: int) -> None:
         if self.scan.bodies and self.scan.scope.routine >= 0:

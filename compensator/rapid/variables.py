@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
-from compensator.rapid.blocks import COUNTS, Arm, Block, Fork, Routine, Step
+from compensator.rapid.blocks import COUNTS, Arm, Block, Fork, Routine, Step, arguments, words_of
 from compensator.rapid.conditions import Value, split, value_of
-from compensator.rapid.lexer import Token, tokens
+from compensator.rapid.lexer import Token
 from compensator.rapid.runtime import Parameter
 from compensator.rapid.scopes import Scope
 from compensator.rapid.values import Unsettled, Values
@@ -67,13 +67,13 @@ class Variables:
 
     def condition(self, head: Step, scope: Scope) -> Known:
         """The value of the condition of IF, ELSEIF or WHILE."""
-        words = self.words(head)[1:]
+        words = words_of(self.values.source, head)[1:]
         return self._of(words[:-1] if words and words[-1].word in ("then", "do") else words, scope)
 
     def case(self, test: Step, case: Step, scope: Scope) -> Known:
         """Whether what TEST asks for is one of the values of a CASE."""
-        asked = self._of(self.words(test)[1:], scope)
-        cases = [self._of(words, scope) for words in split(self.words(case)[1:-1], ",")]
+        asked = self._of(words_of(self.values.source, test)[1:], scope)
+        cases = [self._of(words, scope) for words in split(words_of(self.values.source, case)[1:-1], ",")]
         stated = asked.stated or any(known.stated for known in cases)
         values = [known.value for known in cases]
         if asked.value is None:
@@ -82,7 +82,7 @@ class Variables:
 
     def learn(self, fork: Fork, arm: Arm | None, scope: Scope) -> None:
         """What a branch that was taken tells of the logical variable that it asks for by its name alone."""
-        words = self.words(fork.head)[1:]
+        words = words_of(self.values.source, fork.head)[1:]
         words = words[:-1] if words and words[-1].word == "then" else words
         opposite = bool(words) and words[0].word == "not"
         if fork.head.kind == "if" and len(words) == 1 + opposite and words[-1].kind == "name":
@@ -100,14 +100,9 @@ class Variables:
         value = value_of(words, named)
         return Known(value, stated)
 
-    def words(self, step: Step) -> list[Token]:
-        """The words of a step without a semicolon."""
-        found = tokens(self.values.source, step.start, step.end)[:-1]
-        return found[:-1] if found and found[-1].word == ";" else found
-
     def turns(self, step: Step, scope: Scope) -> tuple[str, list[float] | None]:
         """The variable of a FOR, and its values; None where they are not known, or are only stated."""
-        words = self.words(step)
+        words = words_of(self.values.source, step)
         marks = {word.word: k for k, word in enumerate(words) if word.word in ("from", "to", "step", "do")}
         if len(words) < 2 or not {"from", "to", "do"} <= set(marks):
             return "", None
@@ -136,7 +131,7 @@ class Variables:
             return
         frame = {self.values.names.declarations[parameter.declaration].name: UNKNOWN
                  for parameter in self.parameters.get(routine.name, ())}
-        given = self._arguments(step) if step.start >= 0 else []
+        given = arguments(self.values.source, step) if step.start >= 0 else []
         for parameter in self.parameters.get(routine.name, ()):
             if isinstance(parameter.slot, int) and parameter.slot < len(given) and parameter.mode == "in":
                 name = self.values.names.declarations[parameter.declaration].name
@@ -155,7 +150,7 @@ class Variables:
         if not self._asked:
             return
         if step.kind == "set":
-            words = self.words(step)
+            words = words_of(self.values.source, step)
             plain = len(words) > 2 and words[1].word == ":="
             self._assign(step.name, scope, self._of(words[2:], scope) if plain else UNKNOWN)
         elif step.name in (*COUNTS, "clear") and step.kind == "call":
@@ -182,9 +177,9 @@ class Variables:
 
     def changes(self, block: Block, condition: Step) -> bool:
         """Whether what a block does counts on what its condition asks for: `n:=n+1`, `Incr n`."""
-        asked = {word.word for word in self.words(condition)[1:] if word.kind == "name"}
+        asked = {word.word for word in words_of(self.values.source, condition)[1:] if word.kind == "name"}
         for step in block.steps():
-            words = self.words(step)
+            words = words_of(self.values.source, step)
             if step.kind == "set" and step.name in asked and step.name in {word.word for word in words[2:]}:
                 return True
             if step.kind == "call" and step.name in COUNTS and len(words) > 1 and words[1].word in asked:
@@ -247,7 +242,7 @@ class Variables:
 
     def _count(self, step: Step, scope: Scope) -> None:
         """Incr, Decr, Add, Clear."""
-        given = self._arguments(step)
+        given = arguments(self.values.source, step)
         if not given or len(given[0]) != 1:
             return
         word = given[0][0]
@@ -262,13 +257,6 @@ class Variables:
             after = Known(before.value + by.value, before.stated or by.stated)
         self._assign(word.word, scope, after)
 
-    def _arguments(self, step: Step) -> list[list[Token]]:
-        """The required arguments of a call, up to the first optional one."""
-        words = self.words(step)
-        words = words[3 if words[0].word == "%" else 1:]
-        required = next((k for k, word in enumerate(words) if word.word == "\\"), len(words))
-        return [group[2:] if len(group) > 2 and group[1].word == ":=" else group for group in split(words[:required], ",")]
-
     def _changed(self, step: Step) -> set[str]:
         """The names that a step may assign to."""
         if step.kind == "set":
@@ -278,4 +266,4 @@ class Variables:
         known = self.parameters.get(step.name)
         if known is not None and all(parameter.mode == "in" for parameter in known):
             return set()
-        return {word.word for word in self.words(step)[1:] if word.kind == "name"}
+        return {word.word for word in words_of(self.values.source, step)[1:] if word.kind == "name"}
