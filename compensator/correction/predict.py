@@ -271,7 +271,10 @@ def _by_marks(log: ForceLog, path: RobotPath, program: PlannedProgram, settings:
     if marks is None:
         raise error("CS3088", "the log has a column mark, and no move of the program switches an output", file=log.source,
                     hint="give the program that was driven, which post --mark or correct --mark wrote")
-    return placed_by_marks(log, form, path, marks.target)
+    toolpath, text = path.toolpath, np.arange(len(path.toolpath))
+    ways = [(None if np.array_equal(way.order, text) else way.order, marks_of(program.text, settings.posting.mark, way.order))
+            for way in toolpath.ways] or [(toolpath.driven, marks)]
+    return placed_by_marks(log, form, path, [(order, found.at) for order, found in ways if found is not None])
 
 
 def other_tools(path: RobotPath, which: NDArray[np.bool_], of_moves: str = "with force") -> list[Finding]:

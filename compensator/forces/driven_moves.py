@@ -61,7 +61,7 @@ def as_driven(log: ForceLog, path: RobotPath) -> ForceLog:
         by_text = on_path(log, path)
         if np.isfinite(by_text.place).sum() > np.isfinite(placed.place).sum():
             return by_text
-    return _in_text(placed, log.key, driven)
+    return in_text(placed, log.key, driven)
 
 
 def _of_text(end: float, driven: float, text: float) -> bool:
@@ -89,7 +89,7 @@ def _along_ways(log: ForceLog, path: RobotPath) -> ForceLog:
         log = chosen.log.rows(keep)
     log = replace(log, findings=(*log.findings, *said))
     order = chosen.way.order
-    return log if np.array_equal(order, np.arange(len(path.toolpath))) else _in_text(log, key, chosen.driven)
+    return log if np.array_equal(order, np.arange(len(path.toolpath))) else in_text(log, key, chosen.driven)
 
 
 def _each_way(log: ForceLog, path: RobotPath) -> Iterator[_Placed]:
@@ -165,7 +165,7 @@ def _not_followed(log: ForceLog) -> ForceLog:
     return replace(log, findings=(*log.findings, said))
 
 
-def _in_text(log: ForceLog, key: Key, driven: DrivenPath) -> ForceLog:
+def in_text(log: ForceLog, key: Key, driven: DrivenPath) -> ForceLog:
     """A log along the moves as driven, by the path length of the text. key: what placed it."""
     place, keep = np.full(len(log.place), np.nan), np.ones(len(log.place), dtype=bool)
     on = np.flatnonzero(np.isfinite(log.place))
