@@ -152,9 +152,9 @@ def runs_of(routines: Sequence[Routine], count: int, values: Values, parameters:
         return Runs(tuple(run.driven), count)
     try:
         ways = _ways(lambda choices: _Run(routines, numbers, moving, variables, count, choices), roots)
-    except _Open:
-        return Runs(tuple(run.driven), count)
-    return Runs(tuple(run.driven), count, *ways)
+    except _Open as stopped:
+        return Runs(tuple(run.driven), count, open=stopped.many)
+    return Runs(tuple(run.driven), count, ways)
 
 
 def _moving(routines: Sequence[Routine], numbers: Mapping[str, int]) -> frozenset[int]:
@@ -170,25 +170,30 @@ def _moving(routines: Sequence[Routine], numbers: Mapping[str, int]) -> frozense
     return frozenset(moving)
 
 
-def _ways(run_with: Callable[[tuple[int, ...]], _Run], roots: list[int]) -> tuple[tuple[Way, ...], bool]:
-    """The ways that differ, that of the file's values first, and whether they are too many, and so none. Raises _Open."""
+def _ways(run_with: Callable[[tuple[int, ...]], _Run], roots: list[int]) -> tuple[Way, ...]:
+    """The ways that differ, that of the file's values first. Raises _Open."""
     found: dict[tuple[tuple[int, int], ...], Way] = {}
     waiting: list[tuple[int, ...]] = [()]
-    for _ in range(MOST_WAYS):
+    done = 0
+    while waiting:
         choices = waiting.pop()
+        done += 1
         run = run_with(choices)
         run.drive_all(roots)
         stretches = run.stretches()
         found.setdefault(stretches, Way(stretches, tuple(run.taken)))
         for at in range(len(choices), len(run.chosen)):
             waiting += [(*run.chosen[:at], other) for other in range(run.options[at]) if other != run.chosen[at]]
-        if not waiting:
-            return tuple(sorted(found.values(), key=lambda way: not way.stated)), False
-    return (), True
+        if done + len(waiting) > MOST_WAYS:
+            raise _Open(many=True)
+    return tuple(sorted(found.values(), key=lambda way: not way.stated))
 
 
 class _Open(Exception):
-    """The text does not settle which moves are driven, or how often."""
+    """The text does not settle which moves are driven, or how often. many: since it leaves too many ways."""
+
+    def __init__(self, *, many: bool = False) -> None:
+        self.many = many
 
 
 @dataclass(slots=True)
@@ -380,6 +385,8 @@ class _Run:
 
     def _fork(self, fork: Fork, scope: Scope, branch: bool) -> str:
         """Takes the branch that is known to be taken, or one of those that may be."""
+        if not any(arm.body.items or arm.body.stop > arm.body.first for arm in fork.arms):
+            return ""       # outputs are switched
         possible, stated = self._possible(fork, scope)
         if len(possible) == 1:
             return "" if possible[0] is None else self._block(possible[0].body, scope, branch)
@@ -399,6 +406,8 @@ class _Run:
         number = len(self.chosen)
         by_file = next((k for k, arm in enumerate(possible) if stated and arm is stated[0]), -1)
         choice = self.choices[number] if number < len(self.choices) else max(by_file, 0)
+        if number > MOST_WAYS:
+            raise _Open(many=True)
         self.chosen.append(choice)
         self.options.append(len(possible))
         arm = possible[choice]
