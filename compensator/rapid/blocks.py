@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -40,6 +40,16 @@ class Block:
     items: list[Step | Loop | Fork] = field(default_factory=list)
     stop: int = 0
 
+    def loops(self) -> Iterator[Loop]:
+        """All loops in it, the inner ones, too."""
+        for item in self.items:
+            if isinstance(item, Loop):
+                yield item
+                yield from item.body.loops()
+            elif isinstance(item, Fork):
+                for arm in item.arms:
+                    yield from arm.body.loops()
+
     def steps(self) -> Iterator[Step]:
         """All steps in it, those of loops and branches, too."""
         for item in self.items:
@@ -54,10 +64,11 @@ class Block:
 
 @dataclass(slots=True, eq=False)
 class Loop:
-    """FOR or WHILE."""
+    """FOR or WHILE; end: its last word, None where it is missing."""
 
     head: Step
     body: Block
+    end: Step | None = None
 
 
 @dataclass(slots=True, eq=False)
@@ -108,6 +119,12 @@ class Routine:
         return block
 
 
+def end_routines(routines: Sequence[Routine], count: int) -> None:
+    """Says where each routine ends, of a text with so many targets."""
+    for number, routine in enumerate(routines):
+        routine.stop = routines[number + 1].first if number + 1 < len(routines) else count
+
+
 def words_of(source: Source, step: Step) -> list[Token]:
     """The words of a step without a semicolon."""
     found = tokens(source, step.start, step.end)[:-1]
@@ -130,8 +147,8 @@ def _fill(block: Block, steps: Iterator[Step], stop: int) -> Step | None:
             return step
         if step.kind in ("for", "while"):
             body = Block(step.at)
-            _fill(body, steps, stop)
-            block.items.append(Loop(step, body))
+            end = _fill(body, steps, stop)
+            block.items.append(Loop(step, body, end))
         elif step.kind in ("if", "test"):
             block.items.append(_fork(step, steps, stop))
         else:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.rapid.blocks import Arm, Block, Fork, Loop, Routine, Step
+from compensator.rapid.blocks import Arm, Block, Fork, Loop, Routine, Step, end_routines
 from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
 from compensator.rapid.runtime import Parameter
 from compensator.rapid.scopes import Scope
@@ -134,8 +134,7 @@ class Runs:
 def runs_of(routines: Sequence[Routine], count: int, values: Values, parameters: Mapping[str, Sequence[Parameter]]) -> Runs:
     """How the program drives its `count` targets: from its routine main, or from all routines that no other calls but those of
     traps."""
-    for number, routine in enumerate(routines):
-        routine.stop = routines[number + 1].first if number + 1 < len(routines) else count
+    end_routines(routines, count)
     numbers = {routine.name: number for number, routine in reversed(list(enumerate(routines)))}
     called = {numbers[step.name] for routine in routines for step in routine.steps
               if step.kind == "call" and step.name in numbers}

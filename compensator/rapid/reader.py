@@ -15,6 +15,7 @@ from compensator.rapid.runtime import changing
 from compensator.rapid.scanner import scan
 from compensator.rapid.tails import resolve_tails
 from compensator.rapid.text import Offsets, Source, decode, locate
+from compensator.rapid.unrolled import unroll
 from compensator.rapid.values import UNUSED, Values
 from compensator.toolpath import Move, Toolpath, Way
 from identification.common.arrays import held_once, nothing_or, read_only
@@ -32,6 +33,8 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     source = decode(data, name)
     scanned = scan(source)
     values = Values(source, scanned.names, changing(scanned.names, scanned.uses, scanned.routines))
+    unroll(scanned, values)
+    scanned.read_expressions()
     count = len(scanned.move)
     runs = runs_of(scanned.bodies, count, values, scanned.routines)
     scope_of = _held(scanned.scopes, count)

@@ -53,7 +53,7 @@ def report(
     displacement is on; soft (N,): a soft servo is; axes_offset (N,): the target drives an external axis while an offset of
     these is on."""
     block = np.full(len(off), "", dtype=object)
-    findings = _unsettled(rows, places, block)
+    findings = [*_unsettled(rows, places, block), *_looped(scan, rows, places, block)]
     findings += _quaternions(tails, places, off, block)
     findings += _shifted(scan, tails, places, displaced, soft, axes_offset, block)
     findings += _frames(tails.tools, tails.tool, "tool", "CS2020", "CS2022", places)
@@ -82,6 +82,26 @@ def _unsettled(rows: Rows, places: Places, block: NDArray[np.object_]) -> list[F
         findings.append(places.targets(
             reason.code, "warning", f"the target is left as it is: {reason.why}", which, hint))
     return sorted(findings, key=lambda finding: finding.target or 0)
+
+
+def _looped(scan: Scan, rows: Rows, places: Places, block: NDArray[np.object_]) -> list[Finding]:
+    """Targets that one move in a loop drives, whose element of the array must not change for something else."""
+    if not scan.looped:
+        return []
+    looped = np.array(sorted(scan.looped))
+    read = {scan.names.find(name, scope) for name, scope in scan.uses.read}
+    shared = np.bincount(rows.row)[rows.row[looped]] > 1
+    shared |= np.isin(rows.declaration[rows.row[looped]], sorted(read))
+    findings = [places.targets(
+        "CS2059", "note", f"{len(looped)} targets are elements of an array that a loop drives: each counts as one", looped,
+        "what is corrected is written into the array")]
+    which = looped[shared & (block[looped] == "")]
+    if len(which):
+        why = "a loop drives to this element of an array, and something else uses it too"
+        block[which] = why
+        findings.append(places.targets("CS2059", "warning", f"the target is left as it is: {why}", which,
+                                       "give the loop an array of its own"))
+    return findings
 
 
 def _places_of(numbers: Offsets) -> dict[int, Offsets]:

@@ -27,7 +27,8 @@ def programs(path: Path3) -> dict[str, str]:
     array = "CONST robtarget aWay{10}:=[" + ",\n".join(path.text[10:20]) + "];\n"
     first, last = moves(path.text[:10]), moves(path.text[20:])
     bodies = {
-        "loop": f"PROC main()\n{first}FOR i FROM 1 TO 10 DO\n{kit.move('aWay{i}')}\nENDFOR\n{last}ENDPROC\n",
+        "loop": f"PROC main()\n{first}FOR i FROM 1 TO nLast DO\n{kit.move('aWay{i}')}\nENDFOR\n{last}ENDPROC\n",
+        "known": f"PROC main()\n{first}FOR i FROM 1 TO Dim(aWay,1) DO\n{kit.move('aWay{i}')}\nENDFOR\n{last}ENDPROC\n",
         "parameter": f"PROC main()\n{first}{''.join(f'rTo aWay{{{k + 1}}};' for k in range(10))}\n{last}ENDPROC\n"
                      f"PROC rTo(robtarget p)\n{kit.move('p')}\nENDPROC\n",
         "written": f"PROC main()\n{first}{moves([f'aWay{{{k + 1}}}' for k in range(10)])}{last}ENDPROC\n",
@@ -65,9 +66,10 @@ def test_forces_behind_such_a_move_are_left_where_the_log_counts_its_way(tmp_pat
     assert not np.nan_to_num(seen[10:]).any()
 
 
-def test_such_moves_written_out_are_corrected(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["written", "known"])
+def test_such_moves_are_corrected_where_the_text_settles_them(tmp_path: Path, name: str) -> None:
     path = Path3(POINTS)
-    result = Job(tmp_path, program=programs(path)["written"], forces=log(path)).correct("--json", "--keep-targets")
+    result = Job(tmp_path, program=programs(path)[name], forces=log(path)).correct("--json", "--keep-targets")
     assert result.code == 0, result
     assert not {"CS2056", "CS3124"} & kit.codes(result)
     meant = kit.deviation(IRB6660, path.q[25], TOOL.p, np.r_[OTHER, 0, 0, 0], K) * 1e6
