@@ -320,21 +320,21 @@ class _Run:
 
     def _twice(self, loop: Loop, scope: Scope, branch: bool) -> str:
         """A loop for what it may drive: once, and again where it counts."""
+        name = ""
         if loop.head.kind == "for":
             name, values = self.variables.turns(loop.head, scope)
             turns = 2 if values is None else len(values)
-            self.variables.hold(name, UNKNOWN)
         else:
             known = self._truth(loop.head, scope)
             turns = 0 if known == Known(False) else 1 + self.variables.changes(loop.body, loop.head)
-        self.variables.skip(loop.body, scope)
         begin = len(self.driven)
         before, self.in_branches = self.in_branches, set()
-        ended = self._block(loop.body, scope, branch) if turns else ""
+        with self.variables.loop(name):
+            self.variables.hold(name, UNKNOWN)
+            self.variables.skip(loop.body, scope)
+            ended = self._block(loop.body, scope, branch) if turns else ""
         self.in_branches = before
         self.driven += self.driven[begin:] if turns > 1 else []
-        if loop.head.kind == "for":
-            self.variables.release(name)
         return ended
 
     def _skip(self, loop: Loop, scope: Scope) -> str:
@@ -348,14 +348,13 @@ class _Run:
         name, values = self.variables.turns(loop.head, scope)
         if values is None or len(values) > MOST_TURNS:
             return self._skip(loop, scope)
-        ended = ""
-        for value in values:
-            self.variables.hold(name, Known(value))
-            ended = self._block(loop.body, scope, branch)
-            if ended:
-                break
-        self.variables.release(name)
-        return ended
+        with self.variables.loop(name):
+            for value in values:
+                self.variables.hold(name, Known(value))
+                ended = self._block(loop.body, scope, branch)
+                if ended:
+                    return ended
+        return ""
 
     def _while(self, loop: Loop, scope: Scope, branch: bool) -> str:
         counts = self.variables.changes(loop.body, loop.head)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
@@ -121,8 +122,15 @@ class Variables:
         """The variable of a loop."""
         self._frames[-1][name] = known
 
-    def release(self, name: str) -> None:
-        self._frames[-1].pop(name, None)
+    @contextmanager
+    def loop(self, name: str) -> Iterator[None]:
+        """A loop whose variable hides what has its name, an outer loop's or a parameter, too."""
+        before = self._frames[-1].get(name)
+        yield
+        if before is None:
+            self._frames[-1].pop(name, None)
+        else:
+            self._frames[-1][name] = before
 
     def call(self, step: Step, scope: Scope, routine: Routine) -> None:
         """Enters a routine: its parameters have the values of the arguments, its own variables those they begin with."""
