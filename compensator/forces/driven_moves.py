@@ -26,6 +26,8 @@ APART, NEARER = 0.02, 0.2
 SAME, BESIDE = 5e-3, 0.01
 # A log of which no more than this share has one place on all ways is not used.
 LEAST = 0.1
+# So many moves are named.
+NAMED = 4
 HINT = ("log the column target, numbered by the text, or x_mm y_mm z_mm; or give the condition a value in the file, such as "
         "CONST bool")
 
@@ -189,6 +191,12 @@ def _said(log: ForceLog, key: Key, driven: DrivenPath) -> Finding:
              f"{verb(len(idle), 'have')} no sample"] if len(idle) else []
     if not driven.first.all():
         words.append("of targets that are driven more than once the first time counts")
+    led = 1 + np.flatnonzero(np.diff(driven.order) != 1)
+    led = led[~moves_in_air(toolpath)[driven.order[led]] & (np.diff(driven.run.length)[led - 1] > SAME)]
+    if len(led):
+        lines = ", ".join(str(toolpath.line[driven.order[place]]) for place in led[:NAMED].tolist())
+        words.append(f"{counted(len(led), 'move')} at the feed of the cut that a call leads to (line {lines}"
+                     f"{' ...' if len(led) > NAMED else ''}) {verb(len(led), 'are')} looked at at both ends alone")
     said = "; ".join(["followed along the moves as the calls drive them, which is not the order of the text", *words])
     return Finding("CS3122", "warning" if cuts else "note", said, file=log.source,
                    hint="was an idle routine started by itself? Then give it as a program of its own" if cuts else "")
