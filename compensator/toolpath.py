@@ -68,6 +68,16 @@ class StatedCutter:
     beyond: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One way that a program may go through branches of unknown condition: its targets (D,) in the order in which they are
+    driven, the branches it takes, in words, and whether the values in the file lead along it."""
+
+    order: Indices
+    taken: tuple[str, ...]
+    stated: bool
+
+
 @dataclass(frozen=True)
 class Toolpath:
     """N targets in the order of the text (docs/formats.md#force-logs: `target`).
@@ -89,6 +99,7 @@ class Toolpath:
                are always those of that program
     driven     (D,) the targets in the order in which the program drives them, some twice, some not at all; None: each once, in
                the order of the text, or the text does not say
+    ways       the several ways the program may go, the likeliest first; a single one that takes no branch: they are too many
     cutters    those that the file states for these targets; RAPID and tables state none
     """
 
@@ -114,6 +125,7 @@ class Toolpath:
     switched: tuple[tuple[int, str, bool], ...] = ()
     together: NDArray[np.bool_] | None = None
     driven: Indices | None = None
+    ways: tuple[Way, ...] = ()
     cutters: tuple[StatedCutter, ...] = ()
 
     @property
@@ -125,7 +137,7 @@ class Toolpath:
         """Some of its targets (D,), in another order, as a path of their own."""
         rows: dict[str, Any] = {name: value[order] for name, value in vars(self).items()
                 if isinstance(value, np.ndarray) and name not in ("driven", "given")}
-        return replace(self, **rows, findings=(), given=None, switched=(), driven=None)
+        return replace(self, **rows, findings=(), given=None, switched=(), driven=None, ways=())
 
     def __len__(self) -> int:
         return len(self.move)

@@ -17,7 +17,7 @@ from identification.common.chart_svg import number
 from identification.common.findings import Finding, fold
 from identification.common.packed import packed, packed_words
 from identification.common.report import View
-from identification.common.scene import Projection, picture, stroke
+from identification.common.scene import Projection, named_places, picture, stroke
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -240,10 +240,8 @@ def _picture(where: Array, quantity: Quantity, label: str, marked: Array, names:
         ends = np.column_stack([x[mine - 1], x[mine], np.full(len(mine), np.nan)]).ravel()
         heights = np.column_stack([y[mine - 1], y[mine], np.full(len(mine), np.nan)]).ravel()
         parts.append(stroke("air" if own < 0 else f"heat-{own}", 0.7 if own < 0 else 2.4, *_joined(ends, heights)))
-    for across, up, name in zip(*(project(marked) if len(names) else ((), ())), names, strict=True):
-        if np.isfinite(across):
-            parts.append(Markup('<path class="dots stroke-ink" stroke-width="8" d="M{0:.1f} {1:.1f}h0"/><text class="mark" '
-                                'x="{0:.1f}" y="{2:.1f}" text-anchor="middle">{3}</text>').format(across, up, up - 9, name))
+    if len(names):
+        parts += named_places(*project(marked), names)
     for place in range(BINS):
         parts.append(Markup('<rect class="fill-heat-{}" x="{}" y="440" width="15" height="9"/>').format(place, 20 + 15 * place))
     parts.append(Markup('<text x="20" y="434">{}: 0 to {} {}; grey: no force</text>').format(

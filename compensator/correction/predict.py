@@ -229,8 +229,8 @@ def under_forces(
         if settings.correction.logged_with is not None:
             added = read_added(settings.correction.logged_with)
             log = log if added is None else by_given_targets(log, path, added)
-        noticed = (*noticed, *log.findings, *said_of_order(program.text, ~program.air, log.key,
-                                                                followed=path.toolpath.driven is not None))
+        followed = path.toolpath.driven is not None or bool(path.toolpath.ways)
+        noticed = (*noticed, *log.findings, *said_of_order(program.text, ~program.air, log.key, followed=followed))
         placed = place_forces(log, path, path.cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)
         noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
                    *_without_zero(placed, path, settings), *other_tools(path, placed.forced))
@@ -244,7 +244,7 @@ def under_forces(
         raise type(stopped)(*stopped.findings, *noticed) from stopped
     told = taken_as_given(loaded, settings).finding(path.cell.cutting, settings.correction.depth_of_cut, placed.log.source)
     order = said_of_order(program.text, np.isin(np.arange(len(path.toolpath)), targets), log.key,
-                          followed=any(finding.code == "CS3122" for finding in placed.findings)
+                          followed=any(finding.code in ("CS3122", "CS3123") for finding in placed.findings)
                           or (log.predicted is not None and path.toolpath.driven is not None))
     return Predicted(settings, program, loaded, prediction, (*noticed, *left, *order, *prediction.findings, *told))
 
@@ -271,7 +271,10 @@ def _by_marks(log: ForceLog, path: RobotPath, program: PlannedProgram, settings:
     if marks is None:
         raise error("CS3088", "the log has a column mark, and no move of the program switches an output", file=log.source,
                     hint="give the program that was driven, which post --mark or correct --mark wrote")
-    return placed_by_marks(log, form, path, marks.target)
+    toolpath, text = path.toolpath, np.arange(len(path.toolpath))
+    ways = [(None if np.array_equal(way.order, text) else way.order, marks_of(program.text, settings.posting.mark, way.order))
+            for way in toolpath.ways] or [(toolpath.driven, marks)]
+    return placed_by_marks(log, form, path, [(order, found.at) for order, found in ways if found is not None])
 
 
 def other_tools(path: RobotPath, which: NDArray[np.bool_], of_moves: str = "with force") -> list[Finding]:

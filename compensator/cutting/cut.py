@@ -143,6 +143,11 @@ class Cut:
                 "degrees, a bull-nose also up; a ball: down by over 60 on its tip), a tool that leans by over 1 degree (a "
                 "ball: by over 60, or that cuts above its ball), no feed, or a box that the stock file calls unknown",
                 "they stay where they are; log a pass to correct them too"))
+        if toolpath.ways:
+            by = "by the values in the file" if toolpath.ways[0].stated else "as if all of them were driven"
+            found.append(Finding("CS3123", "warning", "the text does not say which of the program's branches are driven: the "
+                                 f"stock is taken away {by}", file=toolpath.source,
+                                 hint="give their conditions a value in the file, such as CONST bool; or log a pass"))
         if not self.cuts.any():
             found.append(Finding("CS4709", "warning", "the program touches its stock nowhere", file=source,
                                  hint="is the stock in the program's work object, in millimetres?"))

@@ -181,7 +181,8 @@ def said_of_direction(
         findings.append(Finding(
             "CS3069", "warning", f"as the path turns, {100 * here.follows:.0f} % of the force keeps its direction against the "
             f"feed; read in the frame {best} it would be {100 * others[best].follows:.0f} %", file=source,
-            hint=f"is force_log.frame {stated} in cell.yaml right? Known directions of push, by hand, tell"))
+            hint=f"is force_log.frame {stated} in cell.yaml right? An axis turned over, or the program or log of a mirrored "
+            "part, may look alike. Known directions of push, by hand, tell"))
     steady = here.share >= STEADY
     if steady and here.impossible:
         return [*findings, Finding(

@@ -19,6 +19,8 @@ FEWEST, SAMPLES = 20, 8
 
 # What share of its feed a robot seems to drive at where the time is in another unit than seconds.
 UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0}
+# The same where the path length is, of a part of the program; of all of it the length tells (log_path.py).
+INCHES = 1 / 25.4
 
 
 def said_of_feed(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_]) -> list[Finding]:
@@ -54,6 +56,11 @@ def said_of_feed(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_]) -> l
             "CS3072", "warning", f"by the time in this log the cuts were driven at {100 * middle:.2g} % of their feed: it "
             f"seems to be in {unit}", file=log.source, hint="time_s is in seconds; by it the samples of a turn of the spindle "
             "are counted, too")]
+    counted = not log.sent and all(finding.code != "CS3090" for finding in log.findings)
+    if counted and place[-1] < 1.1 * INCHES * np.nanmax(length) and 0.6 * INCHES < middle < 1.5 * INCHES:
+        return [Finding(
+            "CS3072", "warning", f"by this log the cuts were driven at {100 * middle:.2g} % of their feed: path_mm seems to be "
+            "in inches", file=log.source, hint="path_mm is in millimetres; the forces lie on other targets")]
     return [Finding(
         "CS3072", "warning", f"while this log was taken the cuts were driven at {100 * middle:.0f} % of their feed (nine "
         f"in ten under {100 * most:.0f} %): the force is that of another feed", file=log.source,

@@ -1,11 +1,14 @@
 """A log placed along the moves in the order in which the program drives them, where that is not the order of the text: routines
-that are called in another order, that no call leads to, error handlers and trap routines."""
+that are called in another order, that no call leads to, branches, error handlers and trap routines."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
 from compensator.forces.log_path import on_path
@@ -13,24 +16,44 @@ from compensator.forces.program_time import moves_in_air
 from compensator.forces.source import Key
 from compensator.path.driven_path import DrivenPath, driven_path
 from compensator.path.robot_path import RobotPath
-from identification.common.findings import CompstiffError, Finding, counted, verb
+from compensator.toolpath import Way
+from identification.common.arrays import Array
+from identification.common.findings import CompstiffError, Finding, counted, error, verb
 
 # Of two orders of different length [share] a log by path length is of the one whose end it reaches to so much nearer.
 APART, NEARER = 0.02, 0.2
+# Samples of two ways are on the same place within this [m]; of positions those are of a way that lie on it but for this share.
+SAME, BESIDE = 5e-3, 0.01
+# A log of which no more than this share has one place on all ways is not used.
+LEAST = 0.1
+# So many moves are named.
+NAMED = 4
+HINT = ("log the column target, numbered by the text, or x_mm y_mm z_mm; or give the condition a value in the file, such as "
+        "CONST bool")
+
+
+class _Placed(NamedTuple):
+    """A log placed along one way; place (M,) [m]: by the path length of the text."""
+
+    way: Way
+    driven: DrivenPath
+    log: ForceLog
+    place: Array
 
 
 def as_driven(log: ForceLog, path: RobotPath) -> ForceLog:
     """The log with the key `path_mm`, placed along the moves as they are driven, or as they stand in the text where the log
     fits that better. Rows of a move that was driven before are left out, so that of targets which are driven twice the first
-    pass counts.
+    pass counts; so are rows whose place is another on each of several ways that the program may have gone.
 
-    Raises what `on_path` raises.
+    Raises what `on_path` raises, and CompstiffError (CS3123) where that is nearly all of them.
     """
     if log.on_path or log.key == "target" or log.predicted is not None:
         return on_path(log, path)
+    if path.toolpath.ways:
+        return _along_ways(log, path)
     driven = driven_path(path)
-    if driven is None or (log.key == "path_mm" and _of_text(
-            float(log.place.max()), float(driven.run.length[-1]), float(path.length[-1]))):
+    if driven is None or (log.key == "path_mm" and _of_text(float(log.place.max()), *driven.ends)):
         return on_path(log, path)
     try:
         placed = on_path(log, driven.run)
@@ -40,7 +63,7 @@ def as_driven(log: ForceLog, path: RobotPath) -> ForceLog:
         by_text = on_path(log, path)
         if np.isfinite(by_text.place).sum() > np.isfinite(placed.place).sum():
             return by_text
-    return _in_text(placed, log.key, driven)
+    return in_text(placed, log.key, driven)
 
 
 def _of_text(end: float, driven: float, text: float) -> bool:
@@ -48,7 +71,103 @@ def _of_text(end: float, driven: float, text: float) -> bool:
     return abs(driven - text) > APART * text and abs(end - text) < NEARER * abs(end - driven)
 
 
-def _in_text(log: ForceLog, key: Key, driven: DrivenPath) -> ForceLog:
+def _along_ways(log: ForceLog, path: RobotPath) -> ForceLog:
+    """The log along that of several ways which it tells, or which the file's values lead to; else its rows that are on the same
+    place on all of them."""
+    ways = path.toolpath.ways
+    placed = _fitting(log, list(_each_way(log, path))) if len(ways) > 1 else []
+    if not placed:
+        return _not_followed(on_path(log, path))
+    chosen, key = placed[0], log.key
+    if len(placed) == 1 or chosen.way.stated:
+        said = _assumed(log, chosen.way, len(placed))
+        log = chosen.log
+    else:
+        keep = _agreed(placed)
+        if keep.mean() <= LEAST:
+            raise error("CS3123", f"where this log lies depends on {_open(placed)}, which the text does not say, nor the log",
+                        file=log.source, hint=HINT)
+        said = _left(log, placed, keep)
+        log = chosen.log.rows(keep)
+    log = replace(log, findings=(*log.findings, *said))
+    order = chosen.way.order
+    return log if np.array_equal(order, np.arange(len(path.toolpath))) else in_text(log, key, chosen.driven)
+
+
+def _each_way(log: ForceLog, path: RobotPath) -> Iterator[_Placed]:
+    """The log along each way on which it can be placed."""
+    for way in path.toolpath.ways:
+        driven = driven_path(path, way.order)
+        if driven is None:
+            continue
+        try:
+            placed = on_path(log, driven.run)
+        except CompstiffError:
+            continue
+        place = np.full(len(placed.place), np.nan)
+        on = np.isfinite(placed.place)
+        place[on] = driven.in_text(placed.place[on])[0]
+        yield _Placed(way, driven, placed, place)
+
+
+def _fitting(log: ForceLog, placed: list[_Placed]) -> list[_Placed]:
+    """Those ways which the log may be of: by its end where it counts path length, by its samples on the path where it has
+    positions."""
+    if log.key == "path_mm":
+        length = np.array([one.driven.ends[0] for one in placed])
+        off = np.abs(float(log.place.max()) - length)
+        near = off.min(initial=np.inf)
+        if near > APART * length.max(initial=0.0):
+            return placed
+        return [one for one, away in zip(placed, off, strict=True) if near >= NEARER * away]
+    if log.key in ("position", "joints"):
+        on = np.array([np.isfinite(one.place).sum() for one in placed])
+        fits = [number for number in np.argsort(-on, kind="stable") if on[number] >= (1 - BESIDE) * on.max()]
+        return sorted((placed[number] for number in fits), key=lambda one: not one.way.stated)
+    return placed
+
+
+def _agreed(placed: list[_Placed]) -> NDArray[np.bool_]:
+    """The rows (M,) that are on the same place on all ways, or on none."""
+    places = np.array([one.place for one in placed])
+    off = np.isnan(places)
+    spread = np.where(off, -np.inf, places).max(axis=0) - np.where(off, np.inf, places).min(axis=0)
+    return np.asarray(off.all(axis=0) | (~off.any(axis=0) & (spread <= SAME)))
+
+
+def _open(placed: list[_Placed]) -> str:
+    """The branches on which the ways differ."""
+    taken = [set(one.way.taken) for one in placed]
+    differ = sorted({branch for branches in taken for branch in branches if not all(branch in other for other in taken)})
+    return ", ".join(differ[:3]) + (" ..." if len(differ) > 3 else "")
+
+
+def _assumed(log: ForceLog, way: Way, several: int) -> list[Finding]:
+    """What is said of the branches of a way that is followed: a warning where the file's values alone speak for it."""
+    if several > 1:
+        return [Finding("CS3123", "warning", f"taken as driven by the values in the file, which the log does not show: "
+                        f"{', '.join(way.taken[:3])}", file=log.source, hint=HINT)]
+    return [Finding("CS3123", "note", f"the log is of the program with {', '.join(way.taken[:3])}", file=log.source)]
+
+
+def _left(log: ForceLog, placed: list[_Placed], keep: NDArray[np.bool_]) -> list[Finding]:
+    number = int(log.weight[~keep].sum())
+    if not number:
+        return []
+    return [Finding("CS3123", "warning", f"neither the text nor the log says which was driven: "
+                    f"{_open(placed)}; {counted(number, 'sample')} that {verb(number, 'lie')} elsewhere by each are left out",
+                    file=log.source, hint=HINT)]
+
+
+def _not_followed(log: ForceLog) -> ForceLog:
+    """A log in the order of the text, since no way can be followed."""
+    said = Finding("CS3123", "warning", "the branches of this program cannot be followed, as they are too many, or the place "
+                   "of a move is not known: the log is placed as if all of them were driven, in the order of the text",
+                   file=log.source, hint=HINT)
+    return replace(log, findings=(*log.findings, said))
+
+
+def in_text(log: ForceLog, key: Key, driven: DrivenPath) -> ForceLog:
     """A log along the moves as driven, by the path length of the text. key: what placed it."""
     place, keep = np.full(len(log.place), np.nan), np.ones(len(log.place), dtype=bool)
     on = np.flatnonzero(np.isfinite(log.place))
@@ -66,11 +185,18 @@ def _said(log: ForceLog, key: Key, driven: DrivenPath) -> Finding:
     """What is said of it: a warning where cuts are left out, and no position shows that the log is of none of them."""
     toolpath = driven.path.toolpath
     idle = np.setdiff1d(np.arange(len(toolpath)), driven.order)
-    cuts = bool((~moves_in_air(toolpath)[idle]).any()) and key in ("path_mm", "time")
-    words = [f"{counted(len(idle), 'target')} that no call leads to, of an error handler, a trap or an idle routine, "
+    never = np.setdiff1d(idle, np.concatenate([idle[:0], *(way.order for way in toolpath.ways)]))
+    cuts = bool((~moves_in_air(toolpath)[never]).any()) and key in ("path_mm", "time")
+    words = [f"{counted(len(idle), 'target')} that no call or branch leads to, of an error handler, a trap or an idle routine, "
              f"{verb(len(idle), 'have')} no sample"] if len(idle) else []
     if not driven.first.all():
         words.append("of targets that are driven more than once the first time counts")
+    led = 1 + np.flatnonzero(np.diff(driven.order) != 1)
+    led = led[~moves_in_air(toolpath)[driven.order[led]] & (np.diff(driven.run.length)[led - 1] > SAME)]
+    if len(led):
+        lines = ", ".join(str(toolpath.line[driven.order[place]]) for place in led[:NAMED].tolist())
+        words.append(f"{counted(len(led), 'move')} at the feed of the cut that a call leads to (line {lines}"
+                     f"{' ...' if len(led) > NAMED else ''}) {verb(len(led), 'are')} looked at at both ends alone")
     said = "; ".join(["followed along the moves as the calls drive them, which is not the order of the text", *words])
     return Finding("CS3122", "warning" if cuts else "note", said, file=log.source,
                    hint="was an idle routine started by itself? Then give it as a program of its own" if cuts else "")

@@ -13,7 +13,7 @@ from compensator.forces.time_log import place_by_time
 from compensator.path.arc_length import polyline
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
-from identification.common.findings import Finding, counted, error
+from identification.common.findings import CompstiffError, Finding, counted, error
 from identification.model.kinematics import forward
 
 # The middle of all samples is off the path by more than this [m] where TCP, work object or program differ: what zones and delay
@@ -21,6 +21,10 @@ from identification.model.kinematics import forward
 BESIDE = 5e-4
 # What a column of millimetres may be in by mistake.
 UNITS = {"metres": 1e3, "inches": 25.4, "micrometres": 1e-3}
+# A log by path length is of the path without targets of unknown position where it ends so near to its end [m], [share].
+ENDS, ENDS_SHARE = 1e-3, 1e-3
+# A log of which no more than this share is left is not used.
+LEAST = 0.1
 # Asked where samples are on no more than this share of the path: those near its zero lie on it in any unit.
 SHORT = 0.02
 
@@ -30,21 +34,23 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     it is.
 
     Raises CompstiffError: CS3004 a target beyond the program, CS3005 no target of known position, CS3010 several tools or work
-    objects, CS3121 positions come late in a log without time, and what `place_by_time` raises.
+    objects, CS3121 positions come late in a log without time, CS3124 path lengths behind a target of unknown position, and what
+    `place_by_time` raises.
     """
     if log.on_path:
         return log
     if log.key == "target":
-        _check_targets(log, len(path.toolpath))
+        _check_targets(log, path)
         return log if path.cell.force_log.form.target == "nearest" else _on_the_way(log, path)
     if log.key == "path_mm":
         _check_unit(log, log.place[:, None], path.length[np.isfinite(path.length), None], "path_mm is")
-        return replace(log, place=_in_time(log, log.place, path), on_path=True)
+        return _before_unknown(replace(log, place=_in_time(log, log.place, path), on_path=True), path)
     if log.key == "time":
         return replace(place_by_time(log, path), on_path=True)
     points, length = polyline(path.world_position, path.toolpath.move)
     if not len(points):
-        raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
+        raise error("CS3005", "the program has no target of known position to place the log on", file=log.source,
+                    hint=why_unknown(path))
     position = _world_positions(log, path)
     place = match_forwards(points, length, position)
     if not np.isfinite(place).any() or np.ptp(place[np.isfinite(place)]) < SHORT * length[-1]:
@@ -118,13 +124,52 @@ def _beside(log: ForceLog, beside: Array) -> list[Finding]:
                     hint="does the logger use another TCP or work object than the program, or is the log of another one?")]
 
 
-def _check_targets(log: ForceLog, count: int) -> None:
+def _before_unknown(log: ForceLog, path: RobotPath) -> ForceLog:
+    """The log without its samples behind the first target of unknown position between others, since the way there is not known.
+    A log that ends where the path without such targets does counts as that one.
+
+    Raises CompstiffError (CS3124) where these are nearly all."""
+    known = np.flatnonzero(~np.isnan(path.length))
+    gaps = known[:-1][np.diff(known) > 1]
+    whole = float(path.length[known[-1]]) if len(known) else 0.0
+    if not len(gaps) or abs(float(np.nanmax(log.place)) - whole) <= max(ENDS, ENDS_SHARE * whole):
+        return log
+    keep = ~(log.place > path.length[gaps[0]])
+    number = int(log.weight[~keep].sum())
+    if not number:
+        return log
+    line = int(path.toolpath.line[gaps[0] + 1])
+    finding = Finding("CS3124", "warning", f"{counted(number, 'sample')} behind the move in line {line} left out, since the "
+                      f"way there is not known: {_reason(path, int(gaps[0]) + 1)}", file=path.toolpath.source, line=line,
+                      hint="declare it in numbers in this file; or log the column target, or x_mm y_mm z_mm")
+    if keep.mean() <= LEAST:
+        raise CompstiffError(replace(finding, level="error"))
+    return replace(log.rows(keep), findings=(*log.findings, finding))
+
+
+def _reason(path: RobotPath, target: int) -> str:
+    return path.toolpath.block[target] or "its position is not known"
+
+
+def why_unknown(path: RobotPath) -> str:
+    """What is said of the first target whose position is not known; "" where all are."""
+    unknown = np.flatnonzero(np.isnan(path.length))
+    if not len(unknown):
+        return ""
+    first = int(unknown[0])
+    return (f"the move in line {path.toolpath.line[first]} counts as one target, and {_reason(path, first)}: write a move to a "
+            "robtarget in numbers for each position")
+
+
+def _check_targets(log: ForceLog, path: RobotPath) -> None:
+    count = len(path.toolpath)
     if log.place.max() >= count:
         row = int(np.argmax(log.place >= count))
+        from_one = log.place.min() == 1 and log.place.max() == count
         raise error("CS3004", f"target {log.place[row]:g} is beyond the program, which has {counted(count, 'target')} "
                     f"(0 to {count - 1})", file=log.source, line=int(log.line[row]),
-                    hint="its numbers seem to begin at 1: targets count from 0"
-                    if log.place.min() == 1 and log.place.max() == count else "is it the log of this program?")
+                    hint="its numbers seem to begin at 1: targets count from 0" if from_one
+                    else why_unknown(path) or "is it the log of this program?")
 
 
 def _on_the_way(log: ForceLog, path: RobotPath) -> ForceLog:

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.forces.driven_moves import HINT, in_text
 from compensator.forces.log import ForceLog
 from compensator.forces.source import TIMES
+from compensator.path.driven_path import driven_path
 from compensator.path.robot_path import RobotPath
 from identification.common import number_blocks
 from identification.common.arrays import Array
@@ -33,22 +35,53 @@ def has_marks(log: ForceLog, form: ForceLogFile) -> bool:
     return MARK in _names(Path(log.source), form)
 
 
-def placed_by_marks(log: ForceLog, form: ForceLogFile, path: RobotPath, target: Indices) -> ForceLog:
-    """The log with the key `path_mm`, NaN before the first mark and behind the last. target (k,): where the program switches.
+def placed_by_marks(
+    log: ForceLog, form: ForceLogFile, path: RobotPath, ways: Sequence[tuple[Indices | None, Indices]]
+) -> ForceLog:
+    """The log with the key `path_mm`, NaN before the first mark and behind the last.
 
-    Raises CompstiffError: CS3088 the log has another number of edges than the program switches, CS3089 it was driven faster
-    than programmed between two of them.
+    ways: those that the program may go: its targets (D,) in the order in which they are driven, None for that of the text, and
+    where (k,) among them it switches. Raises CompstiffError: CS3088 the log has another number of edges than the program
+    switches on any of them, CS3089 it was driven faster than programmed between two edges, CS3123 several ways have as many.
     """
-    source = Path(log.source)
-    edges = _edges(source, form)
-    if len(edges) != len(target):
-        raise error("CS3088", f"the column {MARK} has {len(edges)} edges, the program switches its output at "
-                    f"{len(target)} targets", file=log.source,
+    edges = _edges(Path(log.source), form)
+    fits = _ways(log, ways, len(edges))
+    order, at = fits[0]
+    if len(fits) > 1:
+        log = replace(log, findings=(*log.findings, Finding(
+            "CS3123", "warning", "neither the text nor the marks say which branches were driven, between two marks: the log is "
+            "placed as if the first way was", file=log.source, hint=HINT)))
+    if order is None:
+        return _at_marks(log, path, edges, at, at)
+    driven = driven_path(path, order)
+    if driven is None:
+        raise error("CS3123", "the routines run in another order than they stand in the text, which cannot be followed: too "
+                    "few positions are known, or external axes move", file=log.source, hint="let them stand as they run")
+    return in_text(_at_marks(log, driven.run, edges, at, order[at]), "time", driven)
+
+
+def _ways(
+    log: ForceLog, ways: Sequence[tuple[Indices | None, Indices]], edges: int
+) -> list[tuple[Indices | None, Indices]]:
+    """Those of the ways on which the program switches as often as the log shows, at the same targets."""
+    fits = [(order, at) for order, at in ways if len(at) == edges]
+    if not fits:
+        counts = " or ".join(str(count) for count in sorted({len(at) for _, at in ways}))
+        raise error("CS3088", f"the column {MARK} has {edges} edges, the program switches its output at {counts} targets",
+                    file=log.source,
                     hint="log from before the first target until behind the last, once, at more than 100 samples a second; a "
                     "loop or an IF switches another number of times")
-    length, feed = path.length[target], path.toolpath.feed
+    if len({tuple((at if order is None else order[at]).tolist()) for order, at in fits}) > 1:
+        raise error("CS3123", f"the column {MARK} has {edges} edges, and so many has the program by several of its branches",
+                    file=log.source, hint=HINT)
+    return fits
+
+
+def _at_marks(log: ForceLog, path: RobotPath, edges: Array, at: Indices, target: Indices) -> ForceLog:
+    """The log along a path whose targets `at` (k,), numbered in the text as `target`, are those of the edges (k,) [s]."""
+    length, feed = path.length[at], path.toolpath.feed
     lasting = np.diff(edges)
-    programmed = np.array([np.nanmax(feed[a + 1:b + 1], initial=0.0) for a, b in pairwise(target.tolist())])
+    programmed = np.array([np.nanmax(feed[a + 1:b + 1], initial=0.0) for a, b in pairwise(at.tolist())])
     with np.errstate(divide="ignore"):
         faster = np.where(programmed > 0, np.diff(length) / lasting / np.where(programmed > 0, programmed, 1.0), 0.0)
     if len(faster) and faster.max() > FASTER:

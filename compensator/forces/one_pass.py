@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
+from compensator.forces.log_path import why_unknown
 from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding, Level, counted, error
@@ -25,7 +26,8 @@ def targets_of(log: ForceLog, path: RobotPath) -> Indices:
     length = path.length
     known = ~np.isnan(length)
     if not known.any():
-        raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
+        raise error("CS3005", "the program has no target of known position to place the log on", file=log.source,
+                    hint=why_unknown(path))
     inside = (log.place >= -1e-3) & (log.place <= np.nanmax(length) + 1e-3)
     return np.where(inside, nearest_target(length, np.where(inside, log.place, 0.0)), -1)
 

@@ -23,6 +23,7 @@ from compensator.forces.scatter import of_blocks
 from compensator.forces.swapped_columns import swapped_columns
 from compensator.forces.tare_check import Range
 from compensator.forces.target_rows import TargetRows
+from compensator.forces.turned_over import said_of_axial, said_of_mirror, said_of_moments
 from compensator.forces.zero import Zero, base_from_log, of_six, zero_of
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
@@ -166,9 +167,15 @@ def _direction(
     if not forced.any():
         return []
     cuts, force, stated = travel(path, forced), wrench[:, :3], "sign" in cell.force_log.form.model_fields_set
-    return [*said_of_direction(cuts, _in_frames(force, mean[:, :3], path, cell), cell.force_log.kind, log.source,
-                               sign_stated=stated),
-            *swapped_columns(cuts, force, base_from_log(path, cell).rotation, log.source),
+    axes, source = base_from_log(path, cell), log.source
+    frames = _in_frames(force, mean[:, :3], path, cell)
+    said = [*said_of_direction(cuts, frames, cell.force_log.kind, source, sign_stated=stated),
+            *swapped_columns(cuts, force, axes.rotation, source)]
+    if all(finding.code == "CS3071" for finding in said):
+        said += [*said_of_mirror(cuts, force, source), *said_of_axial(cuts, path, force, source)]
+    if log.has_moment:
+        said += said_of_moments(mean, axes.rotation, path.base_from_tcp.position - axes.position, forced, cell, source)
+    return [*said,
             *said_of_teeth(log.ripple, cell.cutting.teeth, log.source)]
 
 

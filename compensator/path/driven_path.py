@@ -23,6 +23,11 @@ class DrivenPath:
     order: Indices
 
     @property
+    def ends(self) -> tuple[float, float]:
+        """The length [m] as driven, and by the text."""
+        return float(np.nanmax(self.run.length)), float(np.nanmax(self.path.length))
+
+    @property
     def first(self) -> Flags:
         """The targets (D,) that are driven for the first time."""
         return np.isin(np.arange(len(self.order)), np.unique(self.order, return_index=True)[1])
@@ -30,7 +35,8 @@ class DrivenPath:
     def in_text(self, place: Array) -> tuple[Array, Flags]:
         """Places (M,) [m] along the run by the path length of the text, and whether the target each is nearest to is driven for
         the first time. Where a call leads on, the text has another move to the next target: a place is at the nearer end."""
-        order, along, length = self.order, self.run.length, self.path.length
+        known = np.flatnonzero(np.isfinite(self.run.length))
+        order, along, length = self.order[known], self.run.length[known], self.path.length
         at = np.clip(place, 0.0, along[-1])
         behind = np.clip(np.searchsorted(along, at), 1, len(order) - 1)
         before = behind - 1
@@ -39,15 +45,16 @@ class DrivenPath:
         share = (at - along[before]) / np.where(way > 0, way, 1.0)
         nearer = np.where(share > 0.5, behind, before)
         within = length[start] + share * (length[end] - length[start])
-        return np.where(end == start + 1, within, length[order[nearer]]), self.first[nearer]
+        return np.where(end == start + 1, within, length[order[nearer]]), self.first[known[nearer]]
 
 
-def driven_path(path: RobotPath) -> DrivenPath | None:
-    """None where that is the order of the text, or cannot be told: a target of unknown place, external axes that move."""
-    order = path.toolpath.driven
+def driven_path(path: RobotPath, order: Indices | None = None) -> DrivenPath | None:
+    """The path in the order (D,) of the targets, that of the toolpath where none is named; None where that is the order of the
+    text, or cannot be told: no two targets of known place, external axes that move."""
+    order = path.toolpath.driven if order is None else order
     if order is None or len(order) < 2 or path.axes.moves:
         return None
     run = robot_path(path.toolpath.taken(order), path.cell)
-    if not (np.isfinite(run.length).all() and np.isfinite(path.length).all()):
+    if np.isfinite(run.length).sum() < 2 or (np.isfinite(run.length) != np.isfinite(path.length[order])).any():
         return None
     return DrivenPath(path, run, order)

@@ -1,4 +1,4 @@
-"""Arithmetic of numbers and constants, as far as the text settles it: + - * / and parentheses."""
+"""Arithmetic of numbers and constants, as far as the text settles it: + - * / DIV MOD and parentheses."""
 
 from __future__ import annotations
 
@@ -57,10 +57,17 @@ def _sum(reading: _Reading) -> float:
 
 def _product(reading: _Reading) -> float:
     value = _factor(reading)
-    while sign := reading.accept("*", "/"):
+    while sign := reading.accept("*", "/", "div", "mod"):
         by = _factor(reading)
-        value = value * by if sign == "*" else value / by
+        value = value * by if sign == "*" else value / by if sign == "/" else _of_whole(sign, value, by)
     return value
+
+
+def _of_whole(sign: str, value: float, by: float) -> float:
+    """DIV and MOD, of whole numbers that are not negative alone: of others the controllers' answers differ."""
+    if value < 0 or by < 0 or not (value.is_integer() and by.is_integer()):
+        raise _Open
+    return value // by if sign == "div" else value % by
 
 
 def _factor(reading: _Reading) -> float:

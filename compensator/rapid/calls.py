@@ -1,47 +1,37 @@
 """The order in which a program drives its moves, by the calls of its routines: which moves are driven more than once, not at
 all, in another order than they stand in the text, or under what a caller switched: a displacement, a soft servo.
 
-Told by what the text shows: branches are taken as driven, WHILE as one turn (the cell that waits for the next part) unless it
-counts, error handlers and trap routines as not driven; calls by a name that is made at run time are not followed.
+Told by what the text shows: error handlers and trap routines are not driven, calls by a name that is made at run time not
+followed. Branches and loops are followed where their conditions are known. Where not, each branch is a way of its own that the
+program may go, and WHILE is one turn (the cell that waits for the next part) unless it counts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.rapid.blocks import Arm, Block, Fork, Loop, Routine, Step, end_routines
 from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
+from compensator.rapid.runtime import Parameter
+from compensator.rapid.scopes import Scope
+from compensator.rapid.values import Values
+from compensator.rapid.variables import MOST_TURNS, UNKNOWN, Known, Variables
 
 Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
 # No more calls are followed: routines that call each other double with every level.
 MOST = 20_000
+# Nor more ways through the branches of a program.
+MOST_WAYS = 64
+# Nor one on which each move is driven so often, where there are more than so many.
+OFTEN, MANY = 10, 100_000
 # What calls a routine by a name that is made at run time.
 LATE = ("%", "callbyvar")
-
-
-class Step(NamedTuple):
-    """A statement that is no move: a call, the switch of a displacement or a soft servo, "for" or "endfor" (of a WHILE that
-    counts, too), "handler" where those of errors begin. at: how many targets stand before it in the text; start: its offset;
-    branch: whether it stands in an IF or TEST."""
-
-    at: int
-    name: str
-    start: int
-    branch: bool = False
-
-
-@dataclass(slots=True)
-class Routine:
-    """One routine of the text: its first target and its steps. kind: "proc", "func" or "trap"."""
-
-    name: str
-    first: int
-    kind: str = "proc"
-    steps: list[Step] = field(default_factory=list)
 
 
 class Driven(NamedTuple):
@@ -54,14 +44,43 @@ class Driven(NamedTuple):
     start: int
 
 
+class Taken(NamedTuple):
+    """A branch of unknown condition, as it is taken on one way. start: offset of the word of the branch, or of the IF or TEST
+    none of whose branches is; stated: by the values in the file."""
+
+    start: int
+    none: bool
+    stated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One way that the program may go: targets first ... stop - 1, then those of the next stretch; and the branches taken."""
+
+    stretches: tuple[tuple[int, int], ...]
+    taken: tuple[Taken, ...]
+
+    @property
+    def order(self) -> Indices:
+        """The targets (D,) in the order in which they are driven."""
+        return np.concatenate([np.arange(0), *(np.arange(first, stop) for first, stop in self.stretches)])
+
+    @property
+    def stated(self) -> bool:
+        """Whether the values in the file lead along it."""
+        return all(branch.stated for branch in self.taken)
+
+
 @dataclass(frozen=True, slots=True)
 class Runs:
-    """One run of a program: its stretches in the order in which they are driven. sure: the text settles which moves are
-    driven from these routines on, and how often."""
+    """One run of a program: its stretches in the order in which they are driven, of branches that are not known all of them.
+    ways: those it may go, that of the file's values first; none where the text does not settle how often moves are driven.
+    open: they are too many to follow."""
 
     driven: tuple[Driven, ...]
     count: int
-    sure: bool = False
+    ways: tuple[Way, ...] = ()
+    open: bool = False
 
     @property
     def displaced(self) -> Mask:
@@ -80,7 +99,7 @@ class Runs:
         return within
 
     @property
-    def times(self) -> NDArray[np.intp]:
+    def times(self) -> Indices:
         """How often each target (N,) is driven; two stand for several."""
         change = np.zeros(self.count + 1, dtype=np.intp)
         for stretch in self.driven:
@@ -89,12 +108,12 @@ class Runs:
         return np.cumsum(change)[:-1]
 
     @property
-    def order(self) -> NDArray[np.intp] | None:
+    def order(self) -> Indices | None:
         """The targets (D,) in the order in which they are driven; None where that is the order of the text, or is not sure."""
-        if not self.sure or not self.driven:
+        if not self.ways or not (len(self.ways) == 1 or self.ways[0].stated):
             return None
-        order = np.concatenate([np.arange(stretch.first, stretch.stop) for stretch in self.driven])
-        return None if np.array_equal(order, np.arange(self.count)) else order
+        way = self.ways[0]
+        return None if way.stretches in ((), ((0, self.count),)) else way.order
 
     def calls_of(self, which: Mask) -> list[int]:
         """Offsets of the calls that lead to some of the targets `which` (N,), each once, in the order of the run."""
@@ -112,74 +131,308 @@ class Runs:
         return None
 
 
-def runs_of(routines: list[Routine], count: int) -> Runs:
+def runs_of(routines: Sequence[Routine], count: int, values: Values, parameters: Mapping[str, Sequence[Parameter]]) -> Runs:
     """How the program drives its `count` targets: from its routine main, or from all routines that no other calls but those of
     traps."""
+    end_routines(routines, count)
     numbers = {routine.name: number for number, routine in reversed(list(enumerate(routines)))}
-    called = {numbers[step.name] for routine in routines for step in routine.steps if step.name in numbers}
+    called = {numbers[step.name] for routine in routines for step in routine.steps
+              if step.kind == "call" and step.name in numbers}
     roots = [number for number, routine in enumerate(routines) if number not in called and routine.kind != "trap"]
     main = numbers.get("main", -1)
-    run = _Run(routines, numbers, count)
-    for root in [main] if main in roots else roots:
-        run.drive(root, -1)
+    roots = [main] if main in roots else roots
+    variables = Variables(values, routines, parameters)
+    moving = _moving(routines, numbers)
+    run = _Run(routines, numbers, moving, variables, count)
+    run.drive_all(roots)
     # A function is called where its value is asked for, which is not looked at.
-    moving = any(routine.kind == "func" and run.stop(number) > routine.first for number, routine in enumerate(routines))
-    return Runs(tuple(run.driven), count, len(numbers) == len(routines) and run.sure and not moving)
+    asked = any(routine.kind == "func" and routine.stop > routine.first for routine in routines)
+    if len(numbers) < len(routines) or asked:
+        return Runs(tuple(run.driven), count)
+    try:
+        ways = _ways(lambda choices: _Run(routines, numbers, moving, variables, count, choices), roots)
+    except _Open as stopped:
+        return Runs(tuple(run.driven), count, open=stopped.many)
+    return Runs(tuple(run.driven), count, ways)
+
+
+def _moving(routines: Sequence[Routine], numbers: Mapping[str, int]) -> frozenset[int]:
+    """The routines that move, or call one that does, or one that nobody knows."""
+    moving = {number for number, routine in enumerate(routines)
+              if routine.stop > routine.first or any(step.kind == "call" and step.name in LATE for step in routine.steps)}
+    grown = True
+    while grown:
+        more = {number for number, routine in enumerate(routines)
+                if any(step.kind == "call" and numbers.get(step.name) in moving for step in routine.steps)} - moving
+        moving |= more
+        grown = bool(more)
+    return frozenset(moving)
+
+
+def _ways(run_with: Callable[[tuple[int, ...]], _Run], roots: list[int]) -> tuple[Way, ...]:
+    """The ways that differ, that of the file's values first. Raises _Open."""
+    found: dict[tuple[tuple[int, int], ...], Way] = {}
+    waiting: list[tuple[int, ...]] = [()]
+    done = 0
+    while waiting:
+        choices = waiting.pop()
+        done += 1
+        run = run_with(choices)
+        run.drive_all(roots)
+        stretches = run.stretches()
+        found.setdefault(stretches, Way(stretches, tuple(run.taken)))
+        for at in range(len(choices), len(run.chosen)):
+            waiting += [(*run.chosen[:at], other) for other in range(run.options[at]) if other != run.chosen[at]]
+        if done + len(waiting) > MOST_WAYS:
+            raise _Open(many=True)
+    return tuple(sorted(found.values(), key=lambda way: not way.stated))
+
+
+class _Open(Exception):
+    """The text does not settle which moves are driven, or how often. many: since it leaves too many ways."""
+
+    def __init__(self, *, many: bool = False) -> None:
+        self.many = many
 
 
 @dataclass(slots=True)
 class _Run:
-    """The state of the program while it is followed."""
+    """The state of the program while it is followed. moving: the routines that move, or call what does. choices: which of its
+    possible branches each open fork takes, one behind them the first; None: all of them, and loops twice."""
 
-    routines: list[Routine]
-    numbers: dict[str, int]
+    routines: Sequence[Routine]
+    numbers: Mapping[str, int]
+    moving: frozenset[int]
+    variables: Variables
     count: int
+    choices: tuple[int, ...] | None = None
     displaced: bool = False
     soft: bool = False
-    sure: bool = True
     calls: int = 0
+    length: int = 0
     driven: list[Driven] = field(default_factory=list)
+    taken: list[Taken] = field(default_factory=list)
+    chosen: list[int] = field(default_factory=list)
+    options: list[int] = field(default_factory=list)
     under_way: list[int] = field(default_factory=list)
+    start: int = -1                                                 # of the call that led to where the run stands
+    in_branches: set[str] = field(default_factory=set)              # routines that branches of this routine call
 
-    def stop(self, number: int) -> int:
-        """The first target behind a routine."""
-        return self.routines[number + 1].first if number + 1 < len(self.routines) else self.count
+    def drive_all(self, roots: Iterable[int]) -> None:
+        self.variables.begin()
+        for root in roots:
+            self._drive(root, Step(0, "call", "", -1, -1), self.routines[root].scope)
 
-    def drive(self, number: int, start: int) -> None:
+    def stretches(self) -> tuple[tuple[int, int], ...]:
+        """Targets first ... stop - 1 of the run, those that follow each other as one."""
+        merged: list[tuple[int, int]] = []
+        for stretch in self.driven:
+            if merged and merged[-1][1] == stretch.first:
+                merged[-1] = (merged[-1][0], stretch.stop)
+            else:
+                merged.append((stretch.first, stretch.stop))
+        return tuple(merged)
+
+    def _drive(self, number: int, call: Step, scope: Scope) -> str:
+        """Drives a routine; "exit" where the program ends in it."""
         if number in self.under_way or self.calls > MOST:
-            self.sure = False
-            return
+            self._not_followed()
+            return ""
         self.calls += 1
         routine = self.routines[number]
-        handler = next((k for k, step in enumerate(routine.steps) if step.name == "handler"), len(routine.steps))
-        stop = routine.steps[handler].at if handler < len(routine.steps) else self.stop(number)
+        self.variables.call(call, scope, routine)
         self.under_way.append(number)
-        steps = iter([*routine.steps[:handler], Step(stop, "endfor", -1)])
-        self._body(steps, routine.first, start)
+        before = self.start, self.in_branches
+        self.start, self.in_branches = call.start, set()
+        ended = self._block(routine.body, scope=routine.scope, branch=False)
+        self.start, self.in_branches = before
         self.under_way.pop()
+        self.variables.leave()
+        return "exit" if ended == "exit" else ""
 
-    def _body(self, steps: Iterator[Step], first: int, start: int) -> int:
-        """Drives on from target `first` to the end of a loop or of the routine, where that target is returned."""
-        in_branches: set[str] = set()
-        for step in steps:
-            if step.at > first:
-                self.driven.append(Driven(first, step.at, self.displaced, self.soft, start))
-            first = step.at
-            if step.name == "endfor":
-                break
-            if step.name == "for":
-                begin = len(self.driven)
-                first = self._body(steps, first, start)
-                self.sure &= len(self.driven) == begin
-                self.driven += self.driven[begin:]
-            elif step.name in LATE:
-                self.sure = False
-            elif step.name in DISPLACEMENT:
-                self.displaced = DISPLACEMENT[step.name]
-            elif step.name in SOFT_SERVO:
-                self.soft = SOFT_SERVO[step.name]
-            elif step.name in self.numbers and not (step.branch and step.name in in_branches):
-                # Of several branches that call the same routine one is taken.
-                in_branches |= {step.name} if step.branch else set()
-                self.drive(self.numbers[step.name], step.start)
-        return first
+    def _not_followed(self) -> None:
+        if self.choices is not None:
+            raise _Open
+
+    def _block(self, block: Block, scope: Scope, branch: bool) -> str:
+        """Drives a block; "return" or "exit" where its routine or the program ends in it."""
+        first = block.first
+        for item in block.items:
+            at = item.at if isinstance(item, Step) else item.head.at
+            self._move(first, at)
+            if isinstance(item, Step):
+                ended, first = self._step(item, scope, branch), at
+            elif isinstance(item, Loop):
+                ended, first = self._loop(item, scope, branch), item.body.stop
+            else:
+                ended, first = self._fork(item, scope, branch), item.stop
+            if ended:
+                return ended
+        self._move(first, block.stop)
+        return ""
+
+    def _move(self, first: int, stop: int) -> None:
+        if stop <= first:
+            return
+        self.driven.append(Driven(first, stop, self.displaced, self.soft, self.start))
+        self.length += stop - first
+        if self.length > max(OFTEN * self.count, MANY):
+            self._not_followed()
+
+    def _step(self, step: Step, scope: Scope, branch: bool) -> str:
+        if step.kind == "jump":
+            if step.name == "return":
+                return "return"
+            if step.name.startswith("exit"):
+                return "exit"
+            self._not_followed()
+        elif step.kind == "set":
+            self.variables.take(step, scope)
+        elif step.kind == "call":
+            return self._call(step, scope, branch)
+        return ""
+
+    def _call(self, step: Step, scope: Scope, branch: bool) -> str:
+        ended = ""
+        if step.name in LATE:
+            self._not_followed()
+        elif step.name in DISPLACEMENT:
+            self.displaced = DISPLACEMENT[step.name]
+        elif step.name in SOFT_SERVO:
+            self.soft = SOFT_SERVO[step.name]
+        elif step.name in self.numbers and not (self.choices is None and branch and step.name in self.in_branches):
+            # Of several branches that call the same routine one is taken.
+            self.in_branches |= {step.name} if branch else set()
+            ended = self._drive(self.numbers[step.name], step, scope)
+        self.variables.take(step, scope)
+        return ended
+
+    def _moves(self, block: Block) -> bool:
+        """Whether it matters for the order of the moves that a block is done."""
+        return block.stop > block.first or any(
+            step.kind == "jump" or (step.kind == "call" and (step.name in LATE or self.numbers.get(step.name) in self.moving))
+            for step in block.steps())
+
+    def _loop(self, loop: Loop, scope: Scope, branch: bool) -> str:
+        if self.choices is None:
+            return self._twice(loop, scope, branch)
+        return (self._for if loop.head.kind == "for" else self._while)(loop, scope, branch)
+
+    def _twice(self, loop: Loop, scope: Scope, branch: bool) -> str:
+        """A loop for what it may drive: once, and again where it counts."""
+        name = ""
+        if loop.head.kind == "for":
+            name, values = self.variables.turns(loop.head, scope)
+            turns = 2 if values is None else len(values)
+        else:
+            known = self._truth(loop.head, scope)
+            turns = 0 if known == Known(False) else 1 + self.variables.changes(loop.body, loop.head)
+        begin = len(self.driven)
+        before, self.in_branches = self.in_branches, set()
+        with self.variables.loop(name):
+            self.variables.hold(name, UNKNOWN)
+            self.variables.skip(loop.body, scope)
+            ended = self._block(loop.body, scope, branch) if turns else ""
+        self.in_branches = before
+        self.driven += self.driven[begin:] if turns > 1 else []
+        return ended
+
+    def _skip(self, loop: Loop, scope: Scope) -> str:
+        """Passes over a loop whose turns are not known."""
+        if self._moves(loop.body):
+            raise _Open
+        self.variables.skip(loop.body, scope)
+        return ""
+
+    def _for(self, loop: Loop, scope: Scope, branch: bool) -> str:
+        name, values = self.variables.turns(loop.head, scope)
+        if values is None or len(values) > MOST_TURNS:
+            return self._skip(loop, scope)
+        with self.variables.loop(name):
+            for value in values:
+                self.variables.hold(name, Known(value))
+                ended = self._block(loop.body, scope, branch)
+                if ended:
+                    return ended
+        return ""
+
+    def _while(self, loop: Loop, scope: Scope, branch: bool) -> str:
+        counts = self.variables.changes(loop.body, loop.head)
+        for turn in range(MOST_TURNS):
+            known = self._truth(loop.head, scope)
+            sure = known.value is not None and not known.stated
+            if (sure and not known.value) or (turn and not counts):
+                return ""
+            if counts and not sure:
+                return self._skip(loop, scope)
+            ended = self._block(loop.body, scope, branch)
+            if ended:
+                return ended
+        raise _Open
+
+    def _truth(self, head: Step, scope: Scope) -> Known:
+        """Whether the condition of a WHILE, IF or ELSEIF holds."""
+        known = self.variables.condition(head, scope)
+        return known if isinstance(known.value, bool) else UNKNOWN
+
+    def _holds(self, fork: Fork, arm: Arm, scope: Scope) -> Known:
+        """Whether a branch is taken where none before it is."""
+        if arm.otherwise:
+            return Known(True)
+        return self._truth(arm.head, scope) if fork.head.kind == "if" else self.variables.case(fork.head, arm.head, scope)
+
+    def _fork(self, fork: Fork, scope: Scope, branch: bool) -> str:
+        """Takes the branch that is known to be taken, or one of those that may be."""
+        if not any(arm.body.items or arm.body.stop > arm.body.first for arm in fork.arms):
+            return ""       # outputs are switched
+        possible, stated = self._possible(fork, scope)
+        if len(possible) == 1:
+            return "" if possible[0] is None else self._block(possible[0].body, scope, branch)
+        if self.choices is None:
+            for arm in possible:
+                if arm is not None:
+                    self._block(arm.body, scope, branch=True)
+                    self.variables.skip(arm.body, scope)
+            return ""
+        if not any(self._moves(arm.body) for arm in possible if arm is not None):
+            for arm in possible:
+                if arm is not None:
+                    self.variables.skip(arm.body, scope)
+            return ""
+        # A pass that ends in an error is none.
+        possible = [arm for arm in possible if arm is None or not _fails(arm.body)] or possible
+        number = len(self.chosen)
+        by_file = next((k for k, arm in enumerate(possible) if stated and arm is stated[0]), -1)
+        choice = self.choices[number] if number < len(self.choices) else max(by_file, 0)
+        if number > MOST_WAYS:
+            raise _Open(many=True)
+        self.chosen.append(choice)
+        self.options.append(len(possible))
+        arm = possible[choice]
+        if len(possible) > 1:
+            self.taken.append(Taken((fork if arm is None else arm).head.start, arm is None, choice == by_file))
+        self.variables.learn(fork, arm, scope)
+        return "" if arm is None else self._block(arm.body, scope, branch)
+
+    def _possible(self, fork: Fork, scope: Scope) -> tuple[list[Arm | None], list[Arm | None]]:
+        """The branches that may be taken, None for none of them; and, if known, that which the file's values lead to."""
+        possible: list[Arm | None] = []
+        stated: list[Arm | None] = []
+        told = True
+        for arm in fork.arms:
+            holds = self._holds(fork, arm, scope)
+            if holds == Known(False):
+                continue
+            possible.append(arm)
+            told &= holds.value is not None
+            if holds.value and told and not stated:
+                stated.append(arm)
+            if holds == Known(True):
+                return possible, stated
+        possible.append(None)
+        return possible, stated or ([None] if told else [])
+
+
+def _fails(block: Block) -> bool:
+    """Whether a block ends in an error, where nothing in it decides that."""
+    return any(isinstance(item, Step) and item.kind == "jump" and item.name == "raise" for item in block.items)

@@ -22,7 +22,7 @@ def said_of_order(program: RapidProgram, forced: Flags, key: str, *, followed: b
     along the moves as they are driven."""
     if not forced.any():
         return []
-    runs = program.scan.runs
+    runs = program.runs
     times = runs.times
     findings = []
     again = forced & (times > 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -27,21 +28,25 @@ _WORKOBJECT = ("robhold", "ufprog", "ufmec", "uframe", "oframe")
 class Frames:
     """One frame for each distinct declared data that moves name, in the order of their first use.
 
+    handed: what parameters of routines stand for (`handed_in`), by their numbers; taken: those that a move named.
     offsets: of the declaration of each tool and work object, -1 where there is none. slight: offsets of the frames whose
     quaternion had to be normalised.
     """
 
     values: Values
+    handed: Mapping[int, tuple[Expr, Scope]] = field(default_factory=dict)
     tools: list[ToolFrame] = field(default_factory=list)
     workobjects: list[WorkObject] = field(default_factory=list)
     tool_offsets: list[int] = field(default_factory=list)
     workobject_offsets: list[int] = field(default_factory=list)
     slight: list[int] = field(default_factory=list)
+    taken: set[int] = field(default_factory=set)
     _tool_keys: dict[Key, int] = field(default_factory=dict)
     _workobject_keys: dict[Key, int] = field(default_factory=dict)
 
     def tool(self, expr: Expr, scope: Scope) -> int:
         """Number of the tool that `expr` means in `scope`."""
+        expr, scope = self._meant(expr, scope)
         key, offset = self._key(expr, scope)
         number = self._tool_keys.setdefault(key, len(self.tools))
         if number == len(self.tools):
@@ -53,6 +58,8 @@ class Frames:
 
     def workobject(self, expr: Expr | None, scope: Scope) -> int:
         """Number of the work object that `expr` means in `scope`; a move that names none uses wobj0."""
+        if expr is not None:
+            expr, scope = self._meant(expr, scope)
         key, offset = (("", "wobj0"), -1) if expr is None else self._key(expr, scope)
         number = self._workobject_keys.setdefault(key, len(self.workobjects))
         if number == len(self.workobjects):
@@ -62,6 +69,16 @@ class Frames:
             self.workobjects.append(WorkObject(name, position, quaternion, problem=problem, unit=unit))
             self.workobject_offsets.append(offset)
         return number
+
+    def _meant(self, expr: Expr, scope: Scope) -> tuple[Expr, Scope]:
+        """What a name stands for, where it is that of a parameter, and the scope it is looked up in."""
+        for _ in range(20):
+            number = self.values.names.find(expr.name, scope) if expr.kind == "name" else -1
+            if number not in self.handed:
+                break
+            self.taken.add(number)
+            expr, scope = self.handed[number]
+        return expr, scope
 
     def _key(self, expr: Expr, scope: Scope) -> tuple[Key, int]:
         number = self.values.names.find(expr.name, scope) if expr.kind in ("name", "element") else -1

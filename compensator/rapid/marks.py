@@ -24,41 +24,62 @@ APART, LASTING = 0.01, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """The targets (k,) at which the output `signal` changes, in the order of the text, and its value (k,) from there on."""
+    """The targets (k,) at which the output `signal` changes, in the order in which they are driven, its value (k,) from there
+    on, and where (k,) among all targets that are driven they come."""
 
     signal: str
     target: Indices
     value: Indices
+    at: Indices
 
     def __len__(self) -> int:
         return len(self.target)
 
 
-def marks_of(program: RapidProgram, signal: str | None = None) -> Marks | None:
-    """The marks of an output; without its name those of the one output that moves set. None where there are none.
+def marks_of(program: RapidProgram, signal: str | None = None, order: Indices | None = None) -> Marks | None:
+    """The marks of an output; without its name those of the one output that moves set. None where there are none. order (D,):
+    the targets as they are driven, if it is not that of the toolpath.
 
     Raises CompstiffError (CS2053) where moves set several outputs and none is named.
     """
-    source, tails = program.source, program.scan.tails
-    number = np.array(program.scan.tail, dtype=np.intp)
-    spelled = [source.fold(source.data[tail.signal.start:tail.signal.end].strip()) if tail.signal else "" for tail in tails]
-    names = sorted(set(spelled) - {""})
+    source = program.source
+    names = sorted(set(_outputs(program)) - {""})
     if signal is None and len(names) > 1:
         raise error("CS2053", f"moves set {len(names)} outputs ({', '.join(names)}): which of them marks the targets for the "
                     "force log is not known", file=source.name, hint="name it with --mark")
     wanted = signal.lower() if signal else names[0] if names else ""
     if not wanted or wanted not in names:
         return None
+    level = _levels(program, wanted)
+    order = _driven(program) if order is None else order
+    at = np.flatnonzero(level[order] >= 0)
+    value = level[order[at]]
+    changes = np.concatenate([value[:1] == 1, np.diff(value) != 0])     # it is low when the program begins
+    return Marks(wanted, order[at][changes], value[changes], at[changes])
+
+
+def _driven(program: RapidProgram) -> Indices:
+    driven = program.toolpath.driven
+    return np.arange(len(program.toolpath)) if driven is None else driven
+
+
+def _outputs(program: RapidProgram) -> list[str]:
+    """The output that each tail of a move sets, "" for none."""
+    source = program.source
+    return [source.fold(source.data[tail.signal.start:tail.signal.end].strip()) if tail.signal else ""
+            for tail in program.scan.tails]
+
+
+def _levels(program: RapidProgram, wanted: str) -> Indices:
+    """To which value each target (N,) sets an output, -1 where it does not."""
+    source, tails, spelled = program.source, program.scan.tails, _outputs(program)
     level = np.full(len(tails), -1)
     for k, tail in enumerate(tails):
         if spelled[k] == wanted and tail.value is not None:
             word = source.fold(source.data[tail.value.start:tail.value.end].strip())
             level[k] = _LEVELS.get(word, int(word) if word in ("0", "1") else -1)
     # The output is set at the end of an arc, not at its circle point.
-    sets = np.flatnonzero((level[number] >= 0) & (program.toolpath.move != Move.ARC_VIA))
-    value = level[number[sets]]
-    changes = np.concatenate([value[:1] == 1, np.diff(value) != 0])     # it is low when the program begins
-    return Marks(wanted, sets[changes], value[changes])
+    return np.where(program.toolpath.move == Move.ARC_VIA, -1, level[np.array(program.scan.tail, dtype=np.intp)])
 
 
 def with_marks(program: RapidProgram, signal: str) -> tuple[bytes, tuple[Finding, ...]]:
@@ -77,16 +98,28 @@ def with_marks(program: RapidProgram, signal: str) -> tuple[bytes, tuple[Finding
         raise error("CS2053", f"{counted(len(chosen), 'target')} can be marked, two at least are "
                               f"needed", file=program.source.name,
                     hint="MoveL and MoveC without \\V, \\Z, \\Inpos, \\T, \\ID, \\Conc and \\Corr can")
-    values = (np.arange(len(chosen)) + 1) % 2
+    values = _alternating(program, chosen)
     content = marked(program, chosen, signal, values.tolist())
     again = read_rapid(content, program.source.name)
     found, old, new = marks_of(again, signal), program.toolpath, again.toolpath
     same = all(np.array_equal(getattr(old, name), getattr(new, name), equal_nan=name != "move")
                for name in ("move", "position", "quaternion", "confdata", "external", "joints", "feed", "zone"))
-    if found is None or not same or not (np.array_equal(found.target, chosen) and np.array_equal(found.value, values)):
+    levels = _levels(again, signal.lower())
+    if found is None or not same or not (np.array_equal(np.flatnonzero(levels >= 0), chosen)
+                                         and np.array_equal(levels[chosen], values)):
         raise error("CS2053", "the marked program does not read back as the one without marks", file=program.source.name,
                     hint="a defect in compstiff: please report it with this program")
     return content, (_told(again, found, "now sets"),)
+
+
+def _alternating(program: RapidProgram, chosen: list[int]) -> Indices:
+    """High and low in turn (k,), as the targets `chosen` are driven for the first time."""
+    first = np.full(len(program.toolpath), len(program.toolpath))
+    driven, at = np.unique(_driven(program), return_index=True)
+    first[driven] = at
+    values = np.empty(len(chosen), dtype=np.intp)
+    values[np.argsort(first[chosen], kind="stable")] = (np.arange(len(chosen)) + 1) % 2
+    return values
 
 
 def _told(program: RapidProgram, marks: Marks, how: str) -> Finding:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from compensator.rapid.calls import Runs
 from compensator.rapid.rows import Rows
 from compensator.rapid.scan import Scan
 from compensator.rapid.text import Source
@@ -13,10 +14,11 @@ from compensator.toolpath import Toolpath
 
 @dataclass(frozen=True, slots=True)
 class RapidProgram:
-    """A RAPID program as read by `read_rapid`. Everything but `toolpath` is there for `rewrite`."""
+    """A RAPID program as read by `read_rapid`. runs: how it drives its targets. All but it and `toolpath` is for `rewrite`."""
 
     toolpath: Toolpath
     source: Source
     scan: Scan
     values: Values
     rows: Rows
+    runs: Runs

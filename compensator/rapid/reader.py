@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from compensator.rapid.calls import Runs, Taken, runs_of
 from compensator.rapid.program import RapidProgram
 from compensator.rapid.quaternions import UNUSABLE
 from compensator.rapid.reports import Places, report
@@ -14,8 +15,9 @@ from compensator.rapid.runtime import changing
 from compensator.rapid.scanner import scan
 from compensator.rapid.tails import resolve_tails
 from compensator.rapid.text import Offsets, Source, decode, locate
+from compensator.rapid.unrolled import unroll
 from compensator.rapid.values import UNUSED, Values
-from compensator.toolpath import Move, Toolpath
+from compensator.toolpath import Move, Toolpath, Way
 from identification.common.arrays import held_once, nothing_or, read_only
 
 _LARGEST_CONFDATA = 1e6         # anything beyond is no quadrant; it also keeps the conversion to integers defined
@@ -31,7 +33,10 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     source = decode(data, name)
     scanned = scan(source)
     values = Values(source, scanned.names, changing(scanned.names, scanned.uses, scanned.routines))
+    unroll(scanned, values)
+    scanned.read_expressions()
     count = len(scanned.move)
+    runs = runs_of(scanned.bodies, count, values, scanned.routines)
     scope_of = _held(scanned.scopes, count)
     rows = collect(scanned, values, scope_of)
     _check_size(source, rows)
@@ -63,7 +68,7 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     displaced = np.array([shift for _, shift in scanned.shifts])[_held(scanned.shifts, count)]
     soft = np.array([on for _, on in scanned.softened])[_held(scanned.softened, count)]
     if len(scanned.shifts) + len(scanned.softened) > 2:
-        displaced, soft = displaced | scanned.runs.displaced, soft | scanned.runs.soft
+        displaced, soft = displaced | runs.displaced, soft | runs.soft
     displaced = displaced & ~absolute
     offset = np.array([on for _, on in scanned.offsets])[_held(scanned.offsets, count)] & ~np.isnan(external).all(axis=1)
     together = np.array([tail.together for tail in scanned.tails] or [False])[tails.tail]
@@ -75,10 +80,11 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
         confdata=confdata, has_confdata=has_confdata,
         external=nothing_or(external), joints=nothing_or(joints), tool=tails.tool, workobject=tails.workobject,
         feed=tails.feed, zone=tails.zone, block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
-        switched=tuple(scanned.units), together=together if together.any() else None, driven=scanned.runs.order,
+        switched=tuple(scanned.units), together=together if together.any() else None, driven=runs.order,
+        ways=_ways(source, runs),
     )
     read_only(position, quaternion, toolpath.external, toolpath.joints, line, column, block, toolpath.confdata, has_confdata)
-    return RapidProgram(toolpath, source, scanned, values, rows)
+    return RapidProgram(toolpath, source, scanned, values, rows, runs)
 
 
 def _held(changes: Sequence[tuple[int, object]], count: int) -> Offsets:
@@ -87,6 +93,20 @@ def _held(changes: Sequence[tuple[int, object]], count: int) -> Offsets:
         return np.broadcast_to(np.int64(0), count)
     first = np.array([target for target, _ in changes], dtype=np.int64)
     return (np.searchsorted(first, np.arange(count), side="right") - 1).astype(np.int64)
+
+
+def _ways(source: Source, runs: Runs) -> tuple[Way, ...]:
+    """The ways that a program may go, where there are several."""
+    if runs.open:
+        return (Way(np.arange(runs.count), (), stated=False),)
+    return () if len(runs.ways) < 2 else tuple(
+        Way(way.order, tuple(_taken(source, branch) for branch in way.taken), way.stated) for way in runs.ways)
+
+
+def _taken(source: Source, branch: Taken) -> str:
+    line = int(locate(source, np.array([branch.start]))[0][0])
+    shown = " ".join(source.text(branch.start, branch.start + 60).split("\n")[0].split())
+    return f"{'no branch of ' if branch.none else ''}'{shown}' in line {line}"
 
 
 def _check_size(source: Source, rows: Rows) -> None:

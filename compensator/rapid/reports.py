@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.rapid.handed import handed_out
 from compensator.rapid.quaternions import SLIGHT, UNUSABLE
 from compensator.rapid.rows import Rows
 from compensator.rapid.scan import Scan
@@ -51,11 +53,12 @@ def report(
     displacement is on; soft (N,): a soft servo is; axes_offset (N,): the target drives an external axis while an offset of
     these is on."""
     block = np.full(len(off), "", dtype=object)
-    findings = _unsettled(rows, places, block)
+    findings = [*_unsettled(rows, places, block), *_looped(scan, rows, places, block)]
     findings += _quaternions(tails, places, off, block)
     findings += _shifted(scan, tails, places, displaced, soft, axes_offset, block)
     findings += _frames(tails.tools, tails.tool, "tool", "CS2020", "CS2022", places)
     findings += _frames(tails.workobjects, tails.workobject, "work object", "CS2021", "CS2023", places)
+    findings += _handed(scan, tails, places)
     findings += _forgotten_object(scan, tails, places)
     findings += _unknown(scan, tails, places)
     findings += _others(scan, places)
@@ -72,10 +75,33 @@ def _unsettled(rows: Rows, places: Places, block: NDArray[np.object_]) -> list[F
             continue
         reason = rows.problems[number]
         block[which] = reason.why
+        hint = "write it as a robtarget with numbers, or declared with numbers in this file, if it is to be corrected"
+        if reason.code == "CS2056":
+            hint = ("write a move for each position, to a robtarget or to an element of the array (p{1}, p{2} ...), if it is "
+                    "to be corrected")
         findings.append(places.targets(
-            reason.code, "warning", f"the target is left as it is: {reason.why}", which,
-            "write it as a robtarget with numbers, or declared with numbers in this file, if it is to be corrected"))
+            reason.code, "warning", f"the target is left as it is: {reason.why}", which, hint))
     return sorted(findings, key=lambda finding: finding.target or 0)
+
+
+def _looped(scan: Scan, rows: Rows, places: Places, block: NDArray[np.object_]) -> list[Finding]:
+    """Targets that one move in a loop drives, whose element of the array must not change for something else."""
+    if not scan.looped:
+        return []
+    looped = np.array(sorted(scan.looped))
+    read = {scan.names.find(name, scope) for name, scope in scan.uses.read}
+    shared = np.bincount(rows.row)[rows.row[looped]] > 1
+    shared |= np.isin(rows.declaration[rows.row[looped]], sorted(read))
+    findings = [places.targets(
+        "CS2059", "note", f"{len(looped)} targets are elements of an array that a loop drives: each counts as one", looped,
+        "what is corrected is written into the array")]
+    which = looped[shared & (block[looped] == "")]
+    if len(which):
+        why = "a loop drives to this element of an array, and something else uses it too"
+        block[which] = why
+        findings.append(places.targets("CS2059", "warning", f"the target is left as it is: {why}", which,
+                                       "give the loop an array of its own"))
+    return findings
 
 
 def _places_of(numbers: Offsets) -> dict[int, Offsets]:
@@ -145,6 +171,36 @@ def _frames(
         else:
             findings.append(places.targets(unknown, "note", f"{what} {frame.name} is not declared with numbers in this file",
                                            which, _CELL))
+    return findings
+
+
+def _as_written(source: Source, name: str) -> str:
+    """A name in small letters as the text has it first."""
+    found = re.search(rb"(?i)\b" + re.escape(name.encode(source.encoding)) + rb"\b", source.data)
+    return source.text(found.start(), found.end()) if found else name
+
+
+def _handed(scan: Scan, tails: Tails, places: Places) -> list[Finding]:
+    """Tools and work objects that calls hand over, as they are taken."""
+    declarations = scan.names.declarations
+    findings = []
+    if tails.handed:
+        names = ", ".join(dict.fromkeys(declarations[number].name for number in tails.handed))
+        findings.append(places.offset(
+            "CS2057", "note", f"tool or work object {names}, a parameter: taken as what every call in this file hands over",
+            [declarations[number].start for number in tails.handed],
+            "right unless another file calls the routine with another one"))
+    out = {number: routine for number, routine in handed_out(scan.names, scan.uses, scan.routines).items()
+           if declarations[number].start in tails.declared}
+    for number, routine in out.items():
+        item = declarations[number]
+        what = "tool" if item.type == "tooldata" else "work object"
+        name = places.source.text(item.start, item.end).split(":=")[0].split()[-1]
+        where = ("a routine whose name is made at run time" if routine == "%"
+                 else f"{_as_written(places.source, routine)}, which is not in this file")
+        findings.append(places.offset(
+            "CS2058", "note", f"{what} {name} is handed to {where}: taken as it is declared here", [item.start],
+            "where that changes it, such as by measuring the part, declare it with the values it has then"))
     return findings
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from array import array
+from bisect import bisect_right
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from compensator.rapid.calls import Routine, Runs, runs_of
+from compensator.rapid.blocks import Routine
 from compensator.rapid.expressions import Expr
 from compensator.rapid.inline_moves import InlineMoves
 from compensator.rapid.moves import Tail
@@ -26,6 +27,7 @@ class Scan:
     name: number in `spellings` where it is just a name, else -1. `expressions` holds the others by target.
     scopes, shifts, softened, offsets: (first target, value) from which on the scope holds, the program is displaced, its servo
     soft, or the external axes displaced. units: (first target, name of a mechanical unit, whether it is on) of each switch.
+    looped: targets to which a move in a loop drives, one each turn (unrolled.py).
     """
 
     source: Source
@@ -44,6 +46,7 @@ class Scan:
     expressions: dict[int, Expr] = field(default_factory=dict)
     scopes: list[tuple[int, Scope]] = field(default_factory=lambda: [(0, Scope(0, -1))])
     shifts: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
+    looped: set[int] = field(default_factory=set)
     softened: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     offsets: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     units: list[tuple[int, str, bool]] = field(default_factory=list)
@@ -56,13 +59,16 @@ class Scan:
     def scope(self) -> Scope:
         return self.scopes[-1][1]
 
-    @property
-    def runs(self) -> Runs:
-        """How the program drives its targets."""
-        return runs_of(self.bodies, len(self.move))
-
     def enter(self, scope: Scope) -> None:
         self.scopes.append((len(self.move), scope))
+
+    def read_expressions(self) -> None:
+        """Logs every name that a target's expression reads, but for an array of which it names an element by its number."""
+        firsts = [first for first, _ in self.scopes]
+        for target, expr in self.expressions.items():
+            if expr.kind != "element" or any(index.kind != "number" for index in expr.items):
+                scope = self.scopes[bisect_right(firsts, target) - 1][1]
+                self.uses.read.update((part.name, scope) for part in expr.walk() if part.name)
 
     def spelling(self, word: bytes) -> int:
         return self.spellings.setdefault(self.source.fold(word), len(self.spellings))
@@ -92,8 +98,6 @@ class Scan:
         else:
             name = -1
             self.expressions[len(self.move)] = expr
-            plain = expr.kind == "element" and all(index.kind == "number" for index in expr.items)
-            self.uses.read.update((part.name, self.scope) for part in expr.walk() if part.name and not plain)
         self.move.append(move)
         self.start.append(expr.start)
         self.rest.append(-1)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
-from compensator.rapid.calls import Routine, Step
+from compensator.rapid.blocks import JUMPS, Routine, Step
 from compensator.rapid.expressions import Cursor
 from compensator.rapid.lexer import OPERATORS, Token, ends_operand, tokens
 from compensator.rapid.moves import ARGUMENTS, AXIS_OFFSET, DISPLACEMENT, SOFT_SERVO, UNIT_SWITCH, parse_move
@@ -23,25 +22,9 @@ _FOREIGN = frozenset((
     "endproc", "endfunc", "endtrap", "endmodule", "endif", "endfor", "endwhile", "endtest", "proc", "module",
     "movel", "movej", "movec", "moveabsj", "moveldo", "movejdo", "movecdo",
 ))
-# What opens and what closes a block of statements.
-_OPENS, _CLOSES = ("for", "while", "if", "test"), ("endfor", "endwhile", "endif", "endtest")
 # What begins the part of a routine that is not driven as long as nothing goes wrong.
 _HANDLERS = ("error", "undo", "backward")
-# Instructions that count their first argument.
-_COUNTS = ("incr", "decr", "add")
 _MOVES = {"movel": Move.LINEAR, "movej": Move.JOINT, "moveabsj": Move.ABSOLUTE, "moveldo": Move.LINEAR, "movejdo": Move.JOINT}
-
-
-@dataclass(slots=True)
-class _While:
-    """An open WHILE: its offset, the targets and the steps of the routine before it, the names in its condition, and whether
-    one of them is counted on in it."""
-
-    start: int
-    at: int
-    names: set[str]
-    steps: int
-    counts: bool = False
 
 
 class Statements:
@@ -53,8 +36,6 @@ class Statements:
         self.routine = -1
         self.open_module = -1           # where the module, the routine begins that has not ended yet
         self.open_routine = -1
-        self.blocks: list[str] = []     # those that are open where the pass stands
-        self.waits: list[_While] = []   # likewise
 
     def unit(self, kind: str, start: int, end: int) -> None:
         if kind in ("module", "endmodule"):
@@ -73,30 +54,21 @@ class Statements:
             self.open_routine = start
             self.scan.enter(Scope(self.module, self.routine))
             self._parameters(tokens(self.scan.source, start, end))
-            self.blocks, self.waits = [], []
         elif kind == "endroutine":
             self.open_routine = -1
             self.scan.enter(Scope(self.module, -1))
         elif kind == "condition":
             words = tokens(self.scan.source, start, end)
             self.scan.uses.reads(words[1:], self.scan.scope)
-            if words[0].word in _OPENS:
-                self.blocks.append(words[0].word)
-            if words[0].word == "for":
-                self._step("for", start)
-            elif words[0].word == "while":
-                self.waits.append(_While(start, len(self.scan.move), {word.word for word in words[1:] if word.kind == "name"},
-                                         len(self.scan.bodies[-1].steps) if self.scan.bodies else 0))
+            if words[0].word == "for":      # its variable hides data of that name
+                self.scan.uses.assigned.add((words[1].word, self.scan.scope))
+            self._step(words[0].word, "", start, end)
         elif kind == "word":
             word = tokens(self.scan.source, start, end)[0].word
-            if word in _CLOSES and self.blocks:
-                self.blocks.pop()
-            if word == "endfor":
-                self._step("endfor", start)
-            elif word == "endwhile" and self.waits:
-                self._while_ends(self.waits.pop(), start)
-            elif word in _HANDLERS:
-                self._step("handler", start)
+            self._step("handler" if word in _HANDLERS else word, "", start, end)
+        elif kind == "label":
+            word = tokens(self.scan.source, start, end)[0].word
+            self._step("default" if word == "default" else "label", word, start, end)
         elif kind == "statement":
             self._statement(tokens(self.scan.source, start, end))
 
@@ -121,7 +93,7 @@ class Statements:
         at = next((i for i, word in enumerate(words) if word.word == "("), len(words) - 1)
         name = words[at - 1].word
         kind = next((word.word for word in words[:at - 1] if word.word in _ROUTINES), "proc")
-        self.scan.bodies.append(Routine(name, len(self.scan.move), kind))
+        self.scan.bodies.append(Routine(name, len(self.scan.move), kind, self.scan.scope))
         parameters = self.scan.routines.setdefault(name, [])
         group: list[Token] = []
         optional, position = False, 0
@@ -157,42 +129,34 @@ class Statements:
             return
         else:
             self._complete(words)
-            self._count(words)
             if first.word == "%":
                 self._by_name(words)
             elif first.kind != "name":
                 uses.reads(words, scope)
-            elif not uses.assignment(words, scope):
+            elif uses.assignment(words, scope):
+                self._step("set", first.word, first.start, words[-1].end)
+            else:
                 self._call(words)
 
     def _by_name(self, words: list[Token]) -> None:
         """`%name%` calls a routine by its name: one that stands there in quotes, or one that is made at run time."""
-        self.scan.uses.reads(words, self.scan.scope, "%")
         written = words[1].kind == "string" and words[2].word == "%"
-        self._step(self.scan.source.fold(words[1].text.strip(b'"')) if written else "%", words[0].start)
+        behind = next((k + 1 for k, word in enumerate(words) if k and word.word == "%"), 1)
+        name = self.scan.source.fold(words[1].text.strip(b'"')) if written else "%"
+        self.scan.uses.reads(words[:behind], self.scan.scope)
+        self.scan.uses.reads(words[behind:], self.scan.scope, name)
+        self._step("call", name, words[0].start, words[-1].end)
 
-    def _count(self, words: list[Token]) -> None:
-        """Tells an open WHILE that what its condition asks for is counted on: `n:=n+1`, `Incr n`."""
-        name = words[1].word if words[0].word in _COUNTS else words[0].word
-        counted = words[0].word in _COUNTS or (words[1].word == ":=" and name in [word.word for word in words[2:]])
-        for wait in self.waits:
-            wait.counts |= counted and name in wait.names
-
-    def _while_ends(self, wait: _While, end: int) -> None:
-        """A WHILE that counts is a loop as FOR is."""
-        if wait.counts and self.scan.bodies and self.scan.scope.routine >= 0:
-            self.scan.bodies[-1].steps.insert(wait.steps, Step(wait.at, "for", wait.start))
-            self._step("endfor", end)
-
-    def _step(self, name: str, start: int) -> None:
+    def _step(self, kind: str, name: str, start: int, end: int) -> None:
         if self.scan.bodies and self.scan.scope.routine >= 0:
-            branch = "if" in self.blocks or "test" in self.blocks
-            self.scan.bodies[-1].steps.append(Step(len(self.scan.move), name, start, branch))
+            self.scan.bodies[-1].steps.append(Step(len(self.scan.move), kind, name, start, end))
 
     def _call(self, words: list[Token]) -> None:
         name = words[0].word
-        if name in DISPLACEMENT or name not in HARMLESS:
-            self._step(name, words[0].start)
+        if name in JUMPS:
+            self._step("jump", name, words[0].start, words[-1].end)
+        elif name in DISPLACEMENT or name not in HARMLESS:
+            self._step("call", name, words[0].start, words[-1].end)
         if name in DISPLACEMENT:
             self.scan.shifts.append((len(self.scan.move), DISPLACEMENT[name]))
         elif name in SOFT_SERVO:
@@ -216,9 +180,9 @@ class Statements:
             depth += (word.word in ("(", "[", "{")) - (word.word in (")", "]", "}"))
             if (at > 1 and not depth and word.kind == "name" and word.word not in OPERATORS and ends_operand(before)):
                 self.scan.uses.reads(words[1:at], self.scan.scope)
-                self.blocks.append("if")
+                self._step("if", "", words[0].start, words[at - 1].end)
                 self._statement(words[at:])
-                self.blocks.pop()
+                self._step("endif", "", words[-1].start, words[-1].end)
                 return
         self.scan.uses.reads(words[1:], self.scan.scope)
 

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from compensator.rapid.frames import Frames
+from compensator.rapid.handed import handed_in
 from compensator.rapid.scan import Scan
 from compensator.rapid.speeds import feed, zone
 from compensator.rapid.text import Offsets, locate
@@ -22,7 +23,8 @@ _Named = TypeVar("_Named", ToolFrame, WorkObject)
 @dataclass(frozen=True, slots=True)
 class Tails:
     """Columns (N,) as in `Toolpath`; tail (N,) number in scan.tails. slight: offsets of the quaternions in tools and work
-    objects that were normalised."""
+    objects that were normalised. handed: numbers of the parameters that were followed to what calls hand over; declared:
+    offsets of the declarations of all tools and work objects."""
 
     tail: Offsets
     feed: Array
@@ -32,6 +34,8 @@ class Tails:
     tools: tuple[ToolFrame, ...]
     workobjects: tuple[WorkObject, ...]
     slight: tuple[int, ...]
+    handed: tuple[int, ...]
+    declared: frozenset[int]
 
 
 def resolve_tails(scan: Scan, values: Values, scope_of: Offsets) -> Tails:
@@ -41,7 +45,7 @@ def resolve_tails(scan: Scan, values: Values, scope_of: Offsets) -> Tails:
     _, first, inverse = np.unique(pair, return_index=True, return_inverse=True)
     order = np.argsort(first)                           # tools and work objects in the order of their first use
     columns = np.full((len(first), 4), math.nan)
-    frames = Frames(values)
+    frames = Frames(values, handed_in(scan))
     for number in order.tolist():
         written = scan.tails[tail[first[number]]]
         scope = scan.scopes[scope_of[first[number]]][1]
@@ -55,6 +59,7 @@ def resolve_tails(scan: Scan, values: Values, scope_of: Offsets) -> Tails:
         tail, columns[:, 0][inverse], columns[:, 1][inverse], tool, workobject,
         _with_lines(values, frames.tools, frames.tool_offsets),
         _with_lines(values, frames.workobjects, frames.workobject_offsets), tuple(frames.slight),
+        tuple(sorted(frames.taken)), frozenset((*frames.tool_offsets, *frames.workobject_offsets)),
     )
 
 

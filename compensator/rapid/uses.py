@@ -57,7 +57,8 @@ class Uses:
                 elif after.word == "(":
                     frames.append(_Frame(token.word, waiting=True))
                 else:
-                    self.read.add((token.word, scope))
+                    if frame.routine != "dim":          # which asks for no value
+                        self.read.add((token.word, scope))
                     if frame.routine and before.word in ("(", ",", ":=", "?"):
                         slot = frame.option or frame.index
                         self.handed.add(Argument(frame.routine, slot, token.word, scope))

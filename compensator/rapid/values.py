@@ -71,6 +71,8 @@ class Values:
             return Unsettled("CS2011", f"{name} is not declared in this file")
         declaration = self.names.declarations[number]
         if declaration.storage == "parameter":
+            if "robtarget" in types:
+                return Unsettled("CS2056", f"{name} is a parameter of the routine, another position at each call")
             return Unsettled("CS2010", f"{name} is a parameter of the routine")
         if number in self.names.doubled:
             return Unsettled("CS2018", f"{name} is declared more than once")
@@ -85,7 +87,7 @@ class Values:
         if expr.kind == "element":
             for index in expr.items:
                 if index.kind != "number" or not index.value.is_integer():
-                    return Unsettled("CS2010", f"the index of {name} is known only at run time")
+                    return Unsettled("CS2056", f"the index of {name} is known only at run time: one move for several positions")
                 indices.append(int(index.value))
         if len(indices) != declaration.dimensions:
             return Unsettled("CS2010", f"{name} has {declaration.dimensions} dimensions, {len(indices)} indices stand here")

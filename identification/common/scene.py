@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 # From where pictures look, as scene.js does at first.
 FROM = np.array([0.62, -0.68, 0.5])
 WIDTH, HEIGHT, EDGE = 920.0, 460.0, 34.0
+# Of names in a picture: a letter, a row [px].
+LETTER, ROW = 6.8, 15.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +63,31 @@ class Projection:
 def stroke(name: str, width: float, x: Array, y: Array) -> Markup:
     """A line of the picture; NaN is a gap."""
     return Markup('<path class="line stroke-{}" stroke-width="{:g}" d="{}"/>').format(name, width, polyline(x, y))
+
+
+def named_places(x: Array, y: Array, names: Sequence[str]) -> list[Markup]:
+    """Dots at x, y (n,) [px] with their names above them, higher where another name stands already, below where there is no
+    room; NaN is none."""
+    parts, signs = [], list[tuple[float, float, float]]()
+    for across, down, name in zip(x.tolist(), y.tolist(), names, strict=True):
+        if not np.isfinite(across):
+            continue
+        half = 0.5 * LETTER * len(name)
+        middle = min(max(across, half + 2), WIDTH - half - 2)
+
+        def free(foot: float, middle: float = middle, half: float = half) -> bool:
+            return ROW <= foot <= HEIGHT and all(
+                abs(foot - other) >= ROW or abs(middle - beside) >= half + wide for beside, other, wide in signs)
+
+        places = [down - 9 - 0.5 * ROW * k for k in range(60)] + [down + 9 + ROW + 0.5 * ROW * k for k in range(60)]
+        foot = next((foot for foot in places if free(foot)), down - 9)
+        signs.append((middle, foot, half))
+        if foot < down - 9:
+            parts.append(Markup('<path class="stroke-ink" stroke-width="0.7" d="M{:.1f} {:.1f}L{:.1f} {:.1f}"/>').format(
+                across, down, middle, foot + 3))
+        parts.append(Markup('<path class="dots stroke-ink" stroke-width="8" d="M{:.1f} {:.1f}h0"/><text class="mark" '
+                            'x="{:.1f}" y="{:.1f}" text-anchor="middle">{}</text>').format(across, down, middle, foot, name))
+    return parts
 
 
 def picture(parts: Sequence[Markup], project: Projection, label: str) -> Markup:

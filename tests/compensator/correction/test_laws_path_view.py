@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import zlib
 
 import numpy as np
@@ -105,3 +106,18 @@ def test_lines_and_findings_are_those_of_the_program(sample: Corrected) -> None:
     assert [(mark["index"], mark["finding"]) for mark in view.data["marks"]] == [(700, 1)]
     assert view.marks == {1}
     assert view.data["quantities"][0]["largest"] == {"index": len(values) - 1, "value": values[-1]}
+
+
+def test_names_of_places_beside_each_other_do_not_cover_each_other(sample: Corrected) -> None:
+    """Ten warnings within a few targets, in the picture that is printed."""
+    planned = sample.planned
+    toolpath, name = planned.path.toolpath, planned.program.text.source.name
+    findings = [Finding(f"CS{k:04d}", "warning", "here", file=name, line=int(toolpath.line[700 + k])) for k in range(10)]
+    view = path_view("t", "c", planned.path, [quantity(np.arange(len(toolpath), dtype=float))], planned.program.text, findings)
+    texts = re.findall(r'class="mark" x="([-\d.]+)" y="([-\d.]+)"[^>]*>([^<]+)<', str(view.picture))
+    assert len(texts) == 11
+    boxes = [(float(x), float(y), 6.0 * len(words) / 2) for x, y, words in texts]
+    for k, (x, y, half) in enumerate(boxes):
+        assert half <= x <= 920 - half
+        assert 12 <= y <= 460
+        assert all(abs(y - other) >= 12 or abs(x - beside) >= half + wide for beside, other, wide in boxes[:k])

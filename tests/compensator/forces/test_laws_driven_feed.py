@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from compensator.forces.placement import place_forces, read_force_log
-from tests.compensator.forces.test_contract_placement import place, plan
+from compensator.path.robot_path import robot_path
+from compensator.rapid import read_rapid
+from identification.model.cell import read_cell
+from tests.compensator.forces.test_contract_placement import CELL, place, plan
 
 FEED, RATE, COUNT = 100.0, 500.0, 40
 
@@ -42,6 +45,27 @@ def test_the_override_is_told(tmp_path: Path, column: str, share: float, said: s
 def test_a_time_in_another_unit_is_told_as_such_and_not_as_an_override(tmp_path: Path, unit: float, named: str) -> None:
     [message] = driven(tmp_path, np.array([0.8 * FEED]), unit=unit)
     assert f"it seems to be in {named}" in message
+
+
+@pytest.mark.parametrize(("unit", "end", "said"), [
+    (25.4, 1500.0, "path_mm seems to be in inches"),            # of the first part of the program
+    (1.0, 1500.0, "at 4 % of their feed"),                      # in millimetres, at an override of 4 %
+])
+def test_a_part_of_a_program_whose_path_is_in_inches_is_told(tmp_path: Path, unit: float, end: float, said: str) -> None:
+    """Thirty short moves, then long ones to and fro: all of the path is 2 m."""
+    x = np.concatenate([1000 + 2.0 * np.arange(30), np.tile([1450.0, 1060.0], 3)])
+    moves = "\n".join(f"MoveL [[{place:g},0,{700 + 5 * max(k - 29, 0)}],[1,0,0,0],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,"
+                      "fine,tSpindle;" for k, place in enumerate(x))
+    (tmp_path / "cell.yaml").write_text(CELL)
+    cell = read_cell(tmp_path / "cell.yaml")
+    path = robot_path(read_rapid(f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath, cell)
+    t = np.arange(0, end / (FEED if unit > 1 else FEED / 25.4), 1 / RATE)
+    way = np.linspace(0, end, len(t)) / unit
+    rows = [f"{a:.4f},{b:.5f},-40,90,60" for a, b in zip(t, way, strict=True)]
+    (tmp_path / "forces.csv").write_text("time_s,path_mm,fx_n,fy_n,fz_n\n" + "\n".join(rows) + "\n")
+    found = place_forces(read_force_log(tmp_path / "forces.csv"), path, cell).findings
+    [message] = [finding.message for finding in found if finding.code == "CS3072"]
+    assert said in message
 
 
 @pytest.mark.parametrize(("share", "named"), [(0.25, False), (0.4, True), (2.5, True), (4.0, False)])

@@ -44,6 +44,11 @@ def test_what_the_text_does_not_settle_stays_open(text: str) -> None:
     assert np.isnan(position(f"Offs(pA,{text},0,0)")).any()
 
 
+@pytest.mark.parametrize(("text", "value"), [("100 DIV 3", 33), ("7 mod 4 + 93", 96), ("2*(50 DIV 4)", 24), ("9 MOD 3", 0)])
+def test_whole_numbers_have_a_quotient_and_a_rest(text: str, value: float) -> None:
+    assert position(f"Offs(pA,{text},0,0)")[0] == 100 + value
+
+
 def test_constants_that_need_each_other_stay_open() -> None:
     text = f"MODULE M\n{DATA}\nCONST num nX:=nY+1;\nCONST num nY:=nX+1;\nPROC main()\n" \
            "MoveL Offs(pA,nX+1,0,0),v100,z1,tool0;\nENDPROC\nENDMODULE\n"

@@ -17,7 +17,7 @@ def runs(**routines: str) -> Runs:
             body = body.replace("m;", f"MoveL {target(number)},v100,z1,tool0;\n", 1)
             number += 1
         text.append(f"PROC {name}()\n{body}\nENDPROC\n")
-    return read_rapid(f"MODULE M\n{''.join(text)}ENDMODULE\n".encode()).scan.runs
+    return read_rapid(f"MODULE M\n{''.join(text)}ENDMODULE\n".encode()).runs
 
 
 def unrolled(run: Runs) -> list[int]:
@@ -61,17 +61,55 @@ def test_the_moves_as_they_are_driven(routines: dict[str, str], driven: list[int
     ({"main": "FOR i FROM 1 TO n DO rB; ENDFOR rA;", "rA": "m;", "rB": "m;"}, None),    # how often is not said
     ({"main": '%"r"+name%; rA;', "rB": "m;", "rA": "m;"}, None),                        # nor which
     ({"main": 'CallByVar "r",n; rA;', "rB": "m;", "rA": "m;"}, None),
+    ({"main": "FOR i FROM 3 TO 1 STEP -2 DO rB; ENDFOR rA;", "rA": "m;", "rB": "m;"}, [1, 1, 0]),
+    ({"main": "FOR i FROM 2 TO 1 DO IF i=1 rB; ENDFOR rA;", "rA": "m;", "rB": "m;"}, [1, 0]),
+    ({"main": "VAR num n:=0; WHILE n<2 DO rB; Incr n; IF n=2 rA; ENDWHILE", "rA": "m;", "rB": "m;"}, [1, 1, 0]),
+    ({"main": "VAR num n; Add n,3; TEST n CASE 1,2: rA; CASE 3: rB; DEFAULT: rA; ENDTEST rA;", "rA": "m;", "rB": "m;"}, [1, 0]),
+    ({"main": "IF FALSE THEN rA; ELSEIF TRUE THEN RETURN; ENDIF rB;", "rA": "m;", "rB": "m; m;"}, None),    # nothing is driven
+    ({"main": "rB; IF TRUE RETURN; rA;", "rA": "m;", "rB": "m; m;"}, [1, 2]),
+    ({"main": "rB; EXIT; rA;", "rA": "m;", "rB": "m; m;"}, [1, 2]),
+    ({"main": "rB; IF DInput(di)=1 RAISE; rA;", "rA": "m;", "rB": "m;"}, [1, 0]),      # a pass that fails is none
+    ({"main": "rB; GOTO last; rA; last: m;", "rA": "m;", "rB": "m;"}, None),
+    ({"main": "VAR num n:=1; TPReadNum n,name; IF n=1 rA; rB;", "rA": "m;", "rB": "m;"}, None),
+    ({"main": "VAR num n:=1; IF DInput(di)=1 n:=2; IF n=1 rB; rA;", "rA": "m;", "rB": "m;"}, None),
 ])
 def test_the_order_is_told_where_the_text_settles_it(routines: dict[str, str], order: list[int] | None) -> None:
     found = runs(**routines).order
     assert (None if found is None else found.tolist()) == order
 
 
+def test_parameters_have_the_values_that_are_handed_over() -> None:
+    moves = [f"MoveL {target(number)},v100,z1,tool0;" for number in range(3)]
+    text = f"MODULE M\nPROC main()\nrPass 2;\nrPass nPass:=1;\nENDPROC\nPROC rPass(num nPass)\nIF nPass=1 THEN\n{moves[0]}\n" \
+           f"ELSE\n{moves[1]}\nENDIF\n{moves[2]}\nENDPROC\nENDMODULE\n"
+    found = read_rapid(text.encode()).runs.order
+    assert found is not None
+    assert found.tolist() == [1, 2, 0, 2]
+
+
+def test_a_routine_may_be_called_as_a_word_of_the_language_is_not() -> None:
+    """`handler` begins nothing, and a variable has its value in its own routine alone."""
+    assert unrolled(runs(main="handler; m;", handler="m;")) == [1, 0]
+    run = runs(main="VAR num n:=1; rB; IF n=2 rA;", rA="m;", rB="VAR num n:=1; m; n:=n+1; IF n=3 rA;")
+    assert unrolled(run) == [1]
+    assert run.order is not None
+
+
+def test_branches_that_ask_for_the_same_go_together() -> None:
+    ways = runs(main="IF bRough m; IF NOT bRough m; IF bRough m;").ways
+    assert {tuple(way.order.tolist()) for way in ways} == {(0, 2), (1,)}
+
+
+def test_too_many_branches_are_no_ways() -> None:
+    run = runs(main="IF DInput(di)=1 m; " * 12)
+    assert (run.ways, run.open) == ((), True)
+
+
 def test_a_function_that_moves_leaves_the_order_open() -> None:
     moves = f"MoveL {target(0)},v100,z1,tool0;"
     text = f"MODULE M\nPROC main()\nrA;\nn:=fCut();\nENDPROC\nFUNC num fCut()\n{moves}\nRETURN 1;\nENDFUNC\n" \
            f"PROC rA()\n{moves}\nENDPROC\nENDMODULE\n"
-    assert read_rapid(text.encode()).scan.runs.order is None
+    assert read_rapid(text.encode()).runs.order is None
 
 
 @pytest.mark.parametrize(("routines", "displaced"), [

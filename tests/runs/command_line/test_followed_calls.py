@@ -113,3 +113,18 @@ def test_an_idle_routine_that_cuts_is_a_warning_where_no_position_tells(tmp_path
     text, _ = programs(path)["service first"]
     result = Job(tmp_path, program=text, forces=log_of(path, [*A, *B], key)).correct("--json")
     assert [finding["level"] for finding in result.json["findings"] if finding["code"] == "CS3122"] == [level]
+
+
+@pytest.mark.parametrize(("feed", "said"), [("v50", True), ("v500", False)])
+def test_a_cut_that_goes_on_over_a_call_is_said_to_be_left_between_its_ends(tmp_path: Path, feed: str, said: bool) -> None:
+    """No move of the text leads from rA to rB: what the force does between them nobody can add a target for."""
+    path = Path3(np.array(POINTS, dtype=float))
+    text, order = programs(path)["other order"]
+    first = kit.move(path.text[B[0]])
+    job = Job(tmp_path, program=text.replace(first, first.replace("v50", feed)), forces=log_of(path, [*A, *B], "x_mm"))
+    result = job.correct("--json")
+    assert result.code == 0, result
+    [message] = [finding["message"] for finding in result.json["findings"] if finding["code"] == "CS3122"]
+    line = next(k for k, row in enumerate(text.splitlines(), 1) if first.strip() == row.strip())
+    assert (f"that a call leads to (line {line}) is looked at at both ends alone" in message) == said
+    assert len(order) == len(A) + len(B)

@@ -44,6 +44,8 @@ def routine(name: str, body: str) -> str:
     (MAIN + routine("rRough", f"{ROUGH}\nERROR\n{FINISH}") + routine("rFinish", FINISH), 2, 12),
     (MAIN.replace("rFinish;", "rRest;\nrFinish;\nrRest;") + routine("rRough", ROUGH) + routine("rRest", REST)
      + routine("rFinish", FINISH), 2, 9),
+    ("CONST num nKind:=2;\n" + MAIN.replace("rRough;", "IF nKind=1 rRest;\nrRough;") + routine("rRest", FINISH)
+     + routine("rRough", ROUGH) + routine("rFinish", FINISH), 7, 12),
     (MAIN.replace("rRough;", "rRough;\nrRough;") + routine("rRough", ROUGH) + routine("rFinish", FINISH), 2, 7),
 ])
 def test_the_stock_is_taken_away_as_it_is_driven(tmp_path: Path, text: str, rough: int, finish: int) -> None:
@@ -62,5 +64,22 @@ def test_the_stock_is_taken_away_as_it_is_driven(tmp_path: Path, text: str, roug
         width[name] = 1e3 * float(np.median(cut.engagement.width[steps]))
     assert width["rough"] == pytest.approx(5, abs=0.15)
     assert width["finish"] == pytest.approx(1, abs=0.15)
+    assert "CS3123" not in {finding.code for finding in cut.findings()}
     idle = set(range(len(path.toolpath))) - set(range(rough - 2, rough + 3)) - set(range(finish - 2, finish + 3))
     assert not (set(cut.track.target[cut.engagement.cuts].tolist()) & idle)
+
+
+@pytest.mark.parametrize(("data", "rough", "width"), [("PERS bool bRough:=FALSE;\n", False, 6), ("VAR num nKind;\n", True, 1)])
+def test_branches_that_nobody_knows_are_told(tmp_path: Path, data: str, rough: bool, width: float) -> None:
+    """By the values in the file, or, where it has none, as if all were driven."""
+    (tmp_path / "cell.yaml").write_text(kit.cell_text(extra=CUTTING))
+    (tmp_path / "stock.yaml").write_text(STOCK)
+    condition = "DInput(diRough)=1" if rough else "bRough"
+    text = data + MAIN.replace("rRough;", f"IF {condition} rRough;") + routine("rRough", ROUGH) + routine("rFinish", FINISH)
+    (tmp_path / "part.mod").write_text(f"{kit.module([]).split('PROC')[0]}{text}ENDMODULE\n")
+    cell = read_cell(tmp_path / "cell.yaml")
+    path = robot_path(read_toolpath(tmp_path / "part.mod", cell).toolpath, cell)
+    cut = cut_of(path, tmp_path / "stock.yaml", None)
+    assert [finding.level for finding in cut.findings() if finding.code == "CS3123"] == ["warning"]
+    steps = (cut.track.move == 7) & cut.engagement.cuts
+    assert 1e3 * float(np.median(cut.engagement.width[steps])) == pytest.approx(width, abs=0.15)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compensator.rapid import marks_of, read_rapid
+from compensator.rapid import marks_of, read_rapid, with_marks
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import F0, Path3
 from tests.runs.command_line.user_files import IRB6660, TOOL, Job, K
@@ -120,3 +120,61 @@ def test_an_output_left_high_by_an_earlier_run(job: Job) -> None:
     changed = [row.rsplit(",", 1)[0] + ",24.0" if i < 100 else row for i, row in enumerate(rows)]
     job.forces = "\n".join([header, *changed]) + "\n"
     assert job.correct("--max-slope", "1e6").code == 0
+
+
+HALF = 31
+
+
+def reordered(head: str = "", call: str = "rA;\nrB;") -> str:
+    """The L by two routines that stand in the text the other way round."""
+    halves = [f"PROC {name}()\n" + "\n".join(kit.move(text) for text in part) + "\nENDPROC\n"
+              for name, part in (("rB", PATH.text[HALF:]), ("rA", PATH.text[:HALF]))]
+    data = kit.module([]).split("PROC")[0].rstrip()
+    return f"{data}\n{head}{''.join(halves)}PROC main()\n{call}\nENDPROC\nENDMODULE\n"
+
+
+def switched(marked: str) -> np.ndarray:
+    """The points of the L at which the output changes as the robot drives it, low before."""
+    moves = [row for row in marked.splitlines() if row.strip().startswith("MoveL")]
+    level, found = "0", []
+    for point, row in enumerate([*moves[len(PATH.text) - HALF:], *moves[:len(PATH.text) - HALF]]):
+        value = row.split(",doMark,")[1][0] if ",doMark," in row else level
+        found += [point] * (value != level)
+        level = value
+    return np.array(found)
+
+
+@pytest.mark.parametrize(("head", "call"), [
+    ("", "rA;\nrB;"), ("CONST bool bCheck:=FALSE;\n", "rA;\nIF bCheck rA;\nrB;"), ("", "rA;\nIF DInput(diCheck)=1 rA;\nrB;")])
+def test_edges_come_in_the_order_in_which_routines_are_driven(tmp_path: Path, head: str, call: str) -> None:
+    """Samples of the log go to the moves that were driven, though others stand before them in the text."""
+    marked = with_marks(read_rapid(reordered(head, call).encode(), "part.mod"), "doMark")[0].decode()
+    job = Job(tmp_path, program=marked, forces=log(switched(marked)))
+    result = job.correct("--json", "--max-slope", "1e6", "--keep-targets")
+    assert result.code == 0, result
+    assert {"CS3090", "CS3122"} <= kit.codes(result)
+    rows = kit.column(kit.table(tmp_path / "offsets.csv"), "dx_um", "dy_um", "dz_um")
+    seen = np.concatenate([rows[len(PATH.text) - HALF:], rows[:len(PATH.text) - HALF]])
+    wanted = np.array([1e6 * kit.deviation(IRB6660, q, TOOL.p, np.r_[f, 0, 0, 0], K)
+                       for q, f in zip(PATH.q, force(LENGTH), strict=True)])
+    steady = np.min(np.abs(LENGTH[:, None] - [0, 60, 120]), axis=1) > 10
+    assert np.abs(seen - wanted).max(axis=1)[steady].max() < 4.0
+
+
+def test_marks_alternate_as_they_are_driven() -> None:
+    """No mark is lost where one routine ends with the level with which the next one begins."""
+    marked = with_marks(read_rapid(reordered().encode(), "part.mod"), "doMark")[0].decode()
+    assert len(switched(marked)) == marked.count("doMark")
+
+
+def test_edges_that_fit_several_ways_are_refused(tmp_path: Path) -> None:
+    """Either routine has as many marks: which of them was driven is not to be known."""
+    marked = with_marks(read_rapid(PATH.program().encode(), "part.mod"), "doMark")[0].decode()
+    moves = [row for row in marked.splitlines() if row.strip().startswith("MoveL")]
+    data = kit.module([]).split("PROC")[0].rstrip()
+    halves = "\n".join(moves[:20]) + "\nELSE\n" + "\n".join(moves[20:40])
+    text = f"{data}\nPROC main()\nIF DInput(diSide)=1 THEN\n{halves}\nENDIF\nENDPROC\nENDMODULE\n"
+    edges = np.flatnonzero([",doMark," in row for row in moves[:20]])
+    result = Job(tmp_path, program=text, forces=log(edges)).correct("--json")
+    assert result.code == 1, result
+    assert "CS3123" in kit.codes(result)

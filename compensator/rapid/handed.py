@@ -1,0 +1,66 @@
+"""Tools and work objects that calls hand over: to a routine of this file, whose moves then name a parameter, or to one of
+another file, which may change them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from compensator.rapid.blocks import arguments
+from compensator.rapid.calls import LATE
+from compensator.rapid.expressions import Expr
+from compensator.rapid.runtime import HARMLESS, MOTION, Parameter
+from compensator.rapid.scan import Scan
+from compensator.rapid.scopes import Names, Scope
+from compensator.rapid.uses import Uses
+
+FRAMES = ("tooldata", "wobjdata")
+# Instructions and functions of the controller that use a tool or work object as it is.
+_USES = HARMLESS | {"crobt", "cpos", "calcrobt", "setsysdata", "egmactpose", "wzboxdef", "pathrecmovebwd", "pathrecmovefwd"}
+
+
+def handed_in(scan: Scan) -> dict[int, tuple[Expr, Scope]]:
+    """What each parameter for a tool or work object stands for, where all calls of this file hand over the same declared data.
+
+    By the number of the parameter's declaration: the name that is handed over, and the scope of the call."""
+    wanted = {name: [parameter for parameter in parameters if isinstance(parameter.slot, int)
+                     and scan.names.declarations[parameter.declaration].type in FRAMES]
+              for name, parameters in scan.routines.items()}
+    calls = [(step, routine.scope) for routine in scan.bodies for step in routine.steps if step.kind == "call"]
+    if not any(wanted.values()) or any(step.name in LATE for step, _ in calls):
+        return {}
+    given: dict[int, set[int]] = {}
+    first: dict[int, tuple[Expr, Scope]] = {}
+    for step, scope in calls:
+        if not wanted.get(step.name):
+            continue
+        parts = arguments(scan.source, step)
+        for parameter in wanted[step.name]:
+            slot = parameter.slot
+            part = parts[slot] if isinstance(slot, int) and slot < len(parts) else []
+            name = part[0] if len(part) == 1 and part[0].kind == "name" else None
+            given.setdefault(parameter.declaration, set()).add(-1 if name is None else scan.names.find(name.word, scope))
+            if name is not None:
+                first.setdefault(parameter.declaration, (Expr("name", name.start, name.end, name.word), scope))
+    return {number: first[number] for number, data in given.items() if len(data) == 1 and -1 not in data}
+
+
+def handed_out(names: Names, uses: Uses, routines: Mapping[str, Iterable[Parameter]]) -> dict[int, str]:
+    """The routine of another file that each tool or work object is handed to, by the number of its declaration; "%": one called
+    by a name that is made at run time."""
+    out: dict[int, str] = {}
+    passed: list[tuple[int, int]] = []          # declaration handed in, declaration of the parameter
+    for argument in sorted(uses.handed, key=lambda argument: (argument.routine, argument.name, argument.scope)):
+        number = names.find(argument.name, argument.scope)
+        if number < 0 or names.declarations[number].type not in FRAMES or names.declarations[number].storage == "const":
+            continue
+        if argument.routine in routines:
+            passed += [(number, parameter.declaration) for parameter in routines[argument.routine]
+                       if parameter.slot == argument.slot]
+        elif argument.routine not in _USES and not MOTION.fullmatch(argument.routine):
+            out.setdefault(number, argument.routine)
+    for _ in range(len(passed)):
+        more = {number: out[parameter] for number, parameter in passed if parameter in out and number not in out}
+        out |= more
+        if not more:
+            break
+    return out

@@ -1,0 +1,163 @@
+"""Loops over arrays of targets, `FOR i FROM 1 TO 9 DO MoveL aPath{i},... ENDFOR`, as the moves that they drive.
+
+Only where nothing but such moves stands in the loop, and numbers and constants settle its turns. What is corrected is written
+into the array: the move itself stays as it is.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from compensator.rapid.arithmetic import arithmetic
+from compensator.rapid.blocks import Loop, end_routines, words_of
+from compensator.rapid.conditions import split
+from compensator.rapid.expressions import Expr
+from compensator.rapid.lexer import Token, tokens
+from compensator.rapid.scan import Scan
+from compensator.rapid.scopes import Scope
+from compensator.rapid.values import Unsettled, Values
+
+_Entry = TypeVar("_Entry", bound=tuple[object, ...])
+# A loop of more targets stays one move.
+MOST = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Turned:
+    """A loop of targets first ... stop - 1 of the text; turns: the expressions of these at each turn."""
+
+    loop: Loop
+    first: int
+    stop: int
+    turns: list[list[Expr]]
+
+    @property
+    def more(self) -> int:
+        return (len(self.turns) - 1) * (self.stop - self.first)
+
+
+def unroll(scan: Scan, values: Values) -> None:
+    """Gives each turn of such loops targets of its own, and says which these are in `scan.looped`."""
+    end_routines(scan.bodies, len(scan.move))
+    loops = [turned for routine in scan.bodies for loop in routine.body.loops()
+             if (turned := _turned(scan, values, loop, routine.scope)) is not None]
+    if not loops:
+        return
+    loops.sort(key=lambda loop: loop.first)
+    take, expressions = _targets(scan, loops)
+    for name in ("start", "rest", "end", "name", "tail"):
+        column: array[int] = getattr(scan, name)
+        setattr(scan, name, array(column.typecode, np.frombuffer(column, dtype=column.typecode)[take].tolist()))
+    scan.move = bytearray(np.frombuffer(scan.move, dtype=np.uint8)[take].tobytes())
+    scan.expressions = expressions
+    for name in ("scopes", "shifts", "softened", "offsets", "units"):
+        setattr(scan, name, _moved(getattr(scan, name), loops))
+    gone = {step for turned in loops for step in (turned.loop.head, turned.loop.end)}
+    for routine in scan.bodies:
+        routine.first = _at(routine.first, loops)
+        routine.steps = [step._replace(at=_at(step.at, loops)) for step in routine.steps if step not in gone]
+        for known in ("body", "handler"):
+            vars(routine).pop(known, None)
+
+
+def _targets(scan: Scan, loops: Sequence[_Turned]) -> tuple[np.ndarray, dict[int, Expr]]:
+    """Which target of the text each is, and its expression where it has one."""
+    take: list[np.ndarray] = []
+    expressions: dict[int, Expr] = {}
+    at = number = 0
+    for turned in loops:
+        take.append(np.arange(at, turned.first))
+        number += turned.first - at
+        for turn in turned.turns:
+            take.append(np.arange(turned.first, turned.stop))
+            expressions.update(enumerate(turn, number))
+            scan.looped.update(range(number, number + len(turn)))
+            number += len(turn)
+        at = turned.stop
+    take.append(np.arange(at, len(scan.move)))
+    inside = {target for turned in loops for target in range(turned.first, turned.stop)}
+    expressions.update((_at(target, loops), expr) for target, expr in scan.expressions.items() if target not in inside)
+    return np.concatenate(take), expressions
+
+
+def _at(target: int, loops: Sequence[_Turned]) -> int:
+    """The place of a target, or of what stands before it, with all turns."""
+    return target + sum(turned.more for turned in loops if turned.stop <= target)
+
+
+def _moved(entries: list[_Entry], loops: Sequence[_Turned]) -> list[_Entry]:
+    return [type(entry)((_at(int(str(entry[0])), loops), *entry[1:])) for entry in entries]
+
+
+def _turned(scan: Scan, values: Values, loop: Loop, scope: Scope) -> _Turned | None:
+    """A loop as it is driven; None where it is another one, or its turns are not known."""
+    first, stop = loop.body.first, loop.body.stop
+    exprs = [scan.expressions.get(target) for target in range(first, stop)]
+    if loop.head.kind != "for" or loop.end is None or loop.end.kind != "endfor" or loop.body.items or not exprs:
+        return None
+    known = _turns(scan, values, loop, scope)
+    if known is None or not known[1] or len(known[1]) * len(exprs) > MOST:
+        return None
+    name, turns = known
+    found = []
+    for turn in turns:
+        at_turn = [None if expr is None else _element(values, expr, scope, name, turn) for expr in exprs]
+        if None in at_turn:
+            return None
+        found.append([expr for expr in at_turn if expr is not None])
+    return _Turned(loop, first, stop, found)
+
+
+def _turns(scan: Scan, values: Values, loop: Loop, scope: Scope) -> tuple[str, list[float]] | None:
+    """The variable of a FOR and its values."""
+    words = words_of(scan.source, loop.head)
+    marks = [next((k for k, word in enumerate(words) if word.word == mark), -1) for mark in ("from", "to", "step", "do")]
+    start, to, step, end = marks
+    if min(start, to, end) < 0:
+        return None
+    bounds = [words[start + 1:to], words[to + 1:step if step > 0 else end], *([words[step + 1:end]] if step > 0 else [])]
+    numbers = [_number(values, part, scope, "", 0.0) for part in bounds]
+    if any(number is None for number in numbers):
+        return None
+    low, high, *by = (float(number or 0.0) for number in numbers)
+    stride = by[0] if by else (1.0 if high >= low else -1.0)
+    if not stride or (high - low) * stride < 0 or abs((high - low) / stride) > MOST:
+        return None
+    return words[1].word, [low + k * stride for k in range(int((high - low) / stride + 1e-9) + 1)]
+
+
+def _number(values: Values, words: list[Token], scope: Scope, variable: str, value: float) -> float | None:
+    """The value of numbers, constants, a variable and `Dim(array,1)`."""
+    if len(words) > 3 and words[0].word == "dim" and words[1].word == "(":
+        parts = split(words[2:-1], ",")
+        number = values.names.find(parts[0][0].word, scope) if len(parts) == 2 and len(parts[0]) == 1 else -1
+        if number < 0 or parts[1][0].word != "1" or values.names.declarations[number].value_start < 0:
+            return None
+        declared = values.initial(number)
+        return float(len(declared.items)) if declared.kind == "aggregate" else None
+
+    def named(word: Token) -> float | None:
+        if word.word == variable:
+            return value
+        known = values.number(Expr("name", word.start, word.end, word.word), scope, word.word)
+        return None if isinstance(known, Unsettled) else known
+
+    return arithmetic([*words, Token("end", -1, -1, b"", "")], named) if words else None
+
+
+def _element(values: Values, expr: Expr, scope: Scope, variable: str, value: float) -> Expr | None:
+    """The element that an expression with the loop's variable in its index is at one turn; None where it is something else."""
+    if expr.kind != "element" or not any(part.name == variable for index in expr.items for part in index.walk()):
+        return None
+    items = []
+    for index in expr.items:
+        at = _number(values, tokens(values.source, index.start, index.end)[:-1], scope, variable, value)
+        if at is None or not at.is_integer():
+            return None
+        items.append(Expr("number", index.start, index.end, value=at))
+    return replace(expr, items=tuple(items))

@@ -1,0 +1,105 @@
+"""One axis of the force turned over, a mirrored part, moments of another force: told by the cuts of the virtual cell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.turned_over import drawn
+from compensator.forces.cut_direction import travel
+from compensator.forces.placement import place_forces, read_force_log
+from compensator.forces.turned_over import said_of_axial, said_of_mirror, said_of_moments
+from compensator.path.robot_path import robot_path
+from compensator.rapid import read_rapid
+from identification.model.cell import read_cell
+from identification.model.cell_file import CuttingFile
+from tests.compensator.forces.test_contract_placement import CELL, log_text
+from tests.virtual_cell.endmill import EndMill
+
+
+@pytest.fixture(scope="module")
+def jobs(tmp_path_factory: pytest.TempPathFactory) -> list:
+    """A slot and the wall of a pocket, whose feed turns."""
+    return [drawn("slot and pocket", np.random.default_rng((9, number)), tmp_path_factory.mktemp("job")) for number in range(6)]
+
+
+def test_a_mirrored_part_is_told_where_the_path_turns(jobs: list) -> None:
+    told = []
+    for path, force in jobs:
+        cuts = travel(path, np.any(force != 0, axis=1))
+        assert cuts is not None
+        assert said_of_mirror(cuts, force, "log") == []
+        across = np.cross(cuts.up[0], [1.0, 0, 0])
+        across /= np.linalg.norm(across)
+        told.append(bool(said_of_mirror(cuts, force - 2 * np.outer(force @ across, across), "log")) or cuts.turns < 0.3)
+    assert np.mean(told) > 0.6
+
+
+def test_a_flat_end_mill_is_not_pushed_into_its_holder(jobs: list) -> None:
+    told = []
+    for path, force in jobs:
+        cuts = travel(path, np.any(force != 0, axis=1))
+        assert cuts is not None
+        assert said_of_axial(cuts, path, force, "log") == []
+        up = cuts.up[0]
+        turned = force - 2 * np.outer(force @ up, up)
+        told.append(bool(said_of_axial(cuts, path, turned, "log")))
+        for cutter in (CuttingFile(tool_diameter_mm=16), CuttingFile(tool_diameter_mm=16, corner_radius_mm=8), CuttingFile()):
+            unknown = replace(path, cell=replace(path.cell, cutting=cutter))
+            assert said_of_axial(cuts, unknown, turned, "log") == []        # a ball may be pushed in
+    assert any(told)        # benchmarks/turned_over.py has how often
+
+
+def load_of(gain: float = 1.0, signs: tuple[float, ...] = (1, 1, 1), off: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """What a sensor 250 mm behind the tip reads (N, 6) of a cutter of 8 mm radius that cuts 10 mm deep, with its forces times
+    `gain` and `signs` and its place `off` [m] along the tool; and the way (N, 3) [m] to the tip that is stated."""
+    rng = np.random.default_rng(5)
+    mill = EndMill(runout_mm=(0.0, 0.0, 0.0))
+    along, left, up = mill.mean_force(mill.coverage(-2.0 - mill.rim_mm[:, 1]), 10.0)
+    angle = rng.uniform(0, 2 * np.pi, 60)
+    force = np.column_stack([along * np.cos(angle) - left * np.sin(angle), along * np.sin(angle) + left * np.cos(angle),
+                             np.full(60, -up)])
+    touch = np.column_stack([0.006 * np.cos(angle), 0.006 * np.sin(angle), np.full(60, -0.005)])
+    arm = np.tile([0.02, -0.01, 0.25], (60, 1))
+    load = np.concatenate([force, np.cross(arm + touch, force)], axis=1) + rng.normal(0, [1, 1, 1, 0.05, 0.05, 0.05], (60, 6))
+    return load * [*(gain * np.array(signs)), 1, 1, 1], arm + np.array([0, 0, off])
+
+
+@pytest.mark.parametrize(("gain", "signs", "off", "said"), [
+    (1.0, (1, 1, 1), 0.0, None), (1.1, (1, 1, 1), 0.0, None), (1.0, (1, 1, 1), 0.03, None),
+    (0.5, (1, 1, 1), 0.0, "they are 1.9"), (2.0, (1, 1, 1), 0.0, "they are 0.4"), (1e-3, (1, 1, 1), 0.0, "they are 9"),
+    (1.0, (1, -1, 1), 0.0, "with fy turned over"), (1.0, (-1, -1, 1), 0.0, "they are -0.9"),
+    (1.0, (1, 1, 1), 0.25, "they are 0.4"),
+])
+def test_moments_are_those_of_the_force_at_the_tip(
+    tmp_path: Path, gain: float, signs: tuple[float, ...], off: float, said: str | None
+) -> None:
+    (tmp_path / "cell.yaml").write_text(CELL + "force_log: {frame: sensor, sensor_quaternion: [1, 0, 0, 0], "
+                                        "sensor_position_mm: [0, 0, 0]}\n")
+    cell = read_cell(tmp_path / "cell.yaml")
+    load, arm = load_of(gain, signs, off)
+    axes = np.broadcast_to(np.eye(3), (len(load), 3, 3))
+    found = said_of_moments(load, axes, arm, np.ones(len(load), dtype=bool), cell, "log")
+    assert [finding.code for finding in found] == ([] if said is None else ["CS3127"])
+    assert all(str(said) in finding.message for finding in found)
+    assert said_of_moments(load, axes, 0.1 * arm, np.ones(len(load), dtype=bool), cell, "log") == []     # too near to tell
+
+
+@pytest.mark.parametrize("gain", [1.0, 0.5])
+def test_placed_forces_ask_the_moments(tmp_path: Path, gain: float) -> None:
+    """A log by targets in the sensor's axes, which stand as the robot's; the tip is 120 and 250 mm away."""
+    (tmp_path / "cell.yaml").write_text(CELL + "force_log: {frame: sensor, sensor_quaternion: [1, 0, 0, 0], "
+                                        "sensor_position_mm: [0, 0, 0]}\n")
+    moves = "\n".join(f"MoveL [[{1000 + 10 * k},0,700],[1,0,0,0],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;"
+                      for k in range(12))
+    cell = read_cell(tmp_path / "cell.yaml")
+    path = robot_path(read_rapid(f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath, cell)
+    force = np.array([-40.0, 90, 20])
+    row = [*(gain * force), *np.cross([0.12, 0, 0.25], force)]
+    rows = np.array([[k, *row] for k in range(12)])
+    (tmp_path / "forces.csv").write_text(log_text("target,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm", rows))
+    found = place_forces(read_force_log(tmp_path / "forces.csv"), path, cell).findings
+    assert ("CS3127" in {finding.code for finding in found}) == (gain != 1.0)

@@ -1,0 +1,63 @@
+"""Tools and work objects that calls hand over: followed within the file, said where another file has them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from compensator.rapid import read_rapid
+from compensator.toolpath import Toolpath
+from tests.compensator.rapid.small_programs import target
+
+OTHER = "[FALSE,TRUE,\"\",[[10,20,30],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]"
+DATA = (f"PERS wobjdata wPart:={OTHER};\nPERS wobjdata wOther:={OTHER.replace('10', '50')};\nPERS wobjdata wIdle:={OTHER};\n"
+        "PERS tooldata tMill:=[TRUE,[[1,2,3],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n")
+
+
+def path(**routines: str) -> Toolpath:
+    """A module of these routines, whose names may have parameters behind them; @w is a move by tMill in wPart."""
+    text = "".join(f"PROC {name.replace('__', '(').replace('_', ' ') + (')' if '__' in name else '()')}\n{body}\nENDPROC\n"
+                   for name, body in routines.items())
+    for word, tail in (("@w", "tMill\\WObj:=wPart"), ("@x", "tMill\\WObj:=wx"), ("@y", "tx\\WObj:=wPart")):
+        text = text.replace(word, f"MoveL {target(0)},v100,z1,{tail};")
+    return read_rapid(f"MODULE M\n{DATA}{text}ENDMODULE\n".encode()).toolpath
+
+
+def codes(toolpath: Toolpath) -> list[str]:
+    return [finding.code for finding in toolpath.findings if finding.code in ("CS2023", "CS2022", "CS2057", "CS2058")]
+
+
+@pytest.mark.parametrize(("routines", "said"), [
+    ({"main": "rSetup wPart; @w"}, ["CS2058"]),
+    ({"main": '@w %"rSetup"% wPart;'}, ["CS2058"]),
+    ({"main": "@w %name% wPart;"}, ["CS2058"]),
+    ({"main": "rSetup tMill,wPart; @w"}, ["CS2058", "CS2058"]),
+    ({"main": "rSetup wIdle; @w"}, []),                                                     # no move stands in it
+    ({"main": "p:=CRobT(\\Tool:=tMill\\WObj:=wPart); SearchL di,p,q,v10,tMill\\WObj:=wPart; @w"}, []),
+    ({"main": "rMine wPart; @w", "rMine__PERS_wobjdata_w": "TPWrite text;"}, []),
+    ({"main": "rMine wPart; @w", "rMine__PERS_wobjdata_wx": "rMeasure wx;"}, ["CS2058"]),
+    ({"main": "rMine wPart; @w", "rMine__PERS_wobjdata_wx": "wx.uframe.trans.x:=1;"}, ["CS2023"]),
+    ({"main": '%"rMine"% wPart; @w', "rMine__PERS_wobjdata_wx": "wx.uframe.trans.x:=1;"}, ["CS2023"]),
+    ({"main": "rMine wPart;", "rMine__PERS_wobjdata_wx": "@x"}, ["CS2057"]),
+    ({"main": "rMine wPart; rMine wOther;", "rMine__PERS_wobjdata_wx": "@x"}, ["CS2023"]),
+    ({"main": "rMine wPart; rMine wObjects{2};", "rMine__PERS_wobjdata_wx": "@x"}, ["CS2023"]),
+    ({"main": "rMine wPart; %name% wOther;", "rMine__PERS_wobjdata_wx": "@x"}, ["CS2023"]),
+    ({"rMine__PERS_wobjdata_wx": "@x"}, ["CS2023"]),                                        # called from another file alone
+    ({"main": "rMine tMill;", "rMine__PERS_tooldata_tx": "@y"}, ["CS2057"]),
+])
+def test_what_is_said_of_what_a_call_hands_over(routines: dict[str, str], said: list[str]) -> None:
+    assert codes(path(**routines)) == said
+
+
+def test_a_parameter_is_what_all_calls_hand_over() -> None:
+    toolpath = path(main="@w rOuter wPart; rOuter wPart;", rOuter__PERS_wobjdata_wo="rInner wo;", rInner__PERS_wobjdata_wx="@x")
+    assert [one.name for one in toolpath.workobjects] == ["wPart"]
+    assert toolpath.workobjects[0].position is not None
+    np.testing.assert_allclose(toolpath.workobjects[0].position, [0.01, 0.02, 0.03])
+    assert codes(toolpath) == ["CS2057"]
+
+
+def test_the_routine_is_named_as_it_is_written() -> None:
+    finding = next(finding for finding in path(main="rMeasurePart wPart; @w").findings if finding.code == "CS2058")
+    assert "work object wPart is handed to rMeasurePart, which is not in this file" in finding.message
+    assert finding.line == 2
