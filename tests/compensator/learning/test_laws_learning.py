@@ -11,6 +11,7 @@ from scipy import sparse, special, stats
 
 from compensator.learned.learned import CHUNK, DRIFT, SETUP, JobFrame, Learned, Rest
 from compensator.learned.remainder import POSTURE, Remainder, spread_out
+from compensator.learning import sizes as of_sizes
 from compensator.learning.chance import FALSE_RATE, chance_of_remainder
 from compensator.learning.held_out import held_out
 from compensator.learning.posterior import posterior
@@ -236,6 +237,40 @@ def test_the_evidence_is_the_normal_density_and_its_slope_that_of_it(amplitude: 
     differences = [(wanted(chosen * factor) - wanted(chosen / factor)) / 2e-3 for factor in factors]
     assert np.abs(slope).min() > 0.1
     assert slope == pytest.approx(differences, rel=1e-4)
+
+
+@pytest.mark.parametrize("length", [None, 0.1])
+def test_the_likeliest_sizes_are_where_likelihood_and_prior_together_are_largest(length: float | None) -> None:
+    """By SciPy's density and log-normal priors about the usual sizes; lengths are compared by its value."""
+    rng = np.random.default_rng(15)
+    given = terms(rng, places=14)
+    given = replace(given, rows=replace(given.rows, steep=np.linspace(0.0, 8e-3, len(given.rows))))
+    given = replace(given, residual=drawn(given, Sizes(2.5, 6e-6, 1e-3), rng, 1)[0][:, 0] + 20e-6 * np.sin(
+        given.rows.length[given.rows.place] / 0.03))
+    known = given.physical @ given.physical_prior @ given.physical.T
+    priors = [of_sizes.NOISE, of_sizes.SHARED, of_sizes.SMEAR]
+    alone = without_remainder(given)
+    found = alone if length is None else with_remainder(given, alone, length)
+    at = [found.noise, found.shared, found.smear]
+    of_length = 0.0
+    if length is not None:
+        _, slopes = given.remainder(length)
+        free = slopes @ given.free(slopes)
+        priors, at = [*priors, of_sizes.AMPLITUDE], [*at, found.amplitude]
+        of_length = -0.5 * (np.log(length / of_sizes.LENGTH[0]) / of_sizes.LENGTH[1]) ** 2
+
+    def wanted(values: list[float]) -> float:
+        covariance = known + noise_covariance(given, Sizes(*values[:3]))
+        if length is not None:
+            covariance = covariance + values[3] ** 2 * free @ free.T
+        value = stats.multivariate_normal(np.zeros(len(given.rows)), covariance).logpdf(given.residual) + of_length
+        return float(value - sum(0.5 * (np.log(one / median) / width) ** 2
+                                 for one, (median, width) in zip(values, priors, strict=True)))
+
+    assert found.evidence == pytest.approx(wanted(at), abs=1e-5)
+    for k in range(len(at)):
+        for factor in (0.9, 1.1):
+            assert wanted([one * factor if k == j else one for j, one in enumerate(at)]) < found.evidence
 
 
 def test_what_is_stated_of_the_springs_holds() -> None:
