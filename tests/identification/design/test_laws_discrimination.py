@@ -87,6 +87,7 @@ def test_rivals_are_as_far_apart_as_their_predictions(monkeypatch: pytest.Monkey
         assert found.squared(found.of(np.array(chosen)))[0] == pytest.approx(squared(chosen), rel=1e-6)
         assert found.mistaken(found.of(np.array(chosen))) == pytest.approx(
             min(1.0, np.sqrt(0.75 * 0.25) * np.exp(-squared(chosen) / 8)), rel=1e-6)
+    assert found.squared(found.grams)[0] == pytest.approx([squared([visit]) for visit in range(visits)], rel=1e-6)
     assert found.best_pair(3) == (("one", "other"), pytest.approx(np.sqrt(squared([3])), rel=1e-6))
 
 
