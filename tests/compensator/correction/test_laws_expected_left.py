@@ -48,7 +48,7 @@ def test_a_force_that_begins_anywhere_on_a_move() -> None:
     begin, share = np.random.default_rng(5).random(4000)[:, None], np.linspace(0, 1, 201)
     assert found[4] == pytest.approx(80e-6 * rms(share - (share > begin)), rel=0.03)
     assert found[5:] == pytest.approx(0.0, abs=1e-12)
-    ends, _ = between(np.column_stack([place, 0 * place, 0 * place]), deviation[::-1])
+    ends, _ = between(np.column_stack([place, 0 * place, 0 * place]), deviation[::-1] * np.linspace(0.5, 1.4, 10)[:, None])
     assert ends[6] == pytest.approx(found[4]), "the same where it ends: the target behind has no force"
     assert ends[1:6] == pytest.approx(0.0, abs=1e-12)
 

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 from scipy import sparse, special, stats
 
+from compensator.correction.settings import Estimate
 from compensator.learned.learned import CHUNK, DRIFT, SETUP, JobFrame, Learned, Rest
 from compensator.learned.remainder import POSTURE, Remainder, spread_out
+from compensator.learning import fitted_part
 from compensator.learning import sizes as of_sizes
 from compensator.learning.causes import Asked
 from compensator.learning.chance import FALSE_RATE, _ratio, chance_of_remainder
@@ -517,14 +519,13 @@ def test_the_verdict_on_causes_says_what_was_asked() -> None:
 
 
 def test_a_part_is_drawn_along_the_path_with_gaps_where_nothing_was_measured() -> None:
-    """Sizes of two numbers a place in micrometres, in the order of the path; no line over a step of 40 mm among such of 4 mm."""
+    """Sizes of two numbers a place in micrometres, in the order of the path; no line over 40 mm among steps of 4 mm."""
     length = np.array([0.0, 4e-3, 60e-3, 8e-3, 64e-3])
     rows = SimpleNamespace(length=length, place=np.repeat(np.arange(5), 2))
     size = 1e-6 * np.array([10.0, 20, 30, 40, 50])
     values = np.column_stack([0.6 * size, 0.8 * size]).ravel()
-    learning = SimpleNamespace(terms=SimpleNamespace(rows=rows), measured=values,
-                               parts={name: 0.5 * values for name in ("predicted", "springs", "setup", "drift", "remainder",
-                                                                      "left")})
+    names = ("predicted", "springs", "setup", "drift", "remainder", "left")
+    learning = SimpleNamespace(terms=SimpleNamespace(rows=rows), measured=values, parts=dict.fromkeys(names, 0.5 * values))
     lines = _along(learning).panels[0].series
     assert lines[0].x == pytest.approx([0, 4, 8, np.nan, 60, 64], nan_ok=True)
     assert lines[0].y == pytest.approx([10, 20, 40, np.nan, 30, 50], nan_ok=True)
@@ -532,9 +533,31 @@ def test_a_part_is_drawn_along_the_path_with_gaps_where_nothing_was_measured() -
 
 
 @pytest.mark.parametrize(("known", "learned", "words"), [
-    (40.0, 20.0, "LEARNED"), (40.0, 33.0, "LEARNED LITTLE"), (40.0, 40.0, "NOTHING GAINED"), (None, None, "LEARNED, NOT TESTED")])
+    (40.0, 20.0, "LEARNED"), (40.0, 33.0, "LEARNED LITTLE"), (40.0, 40.0, "NOTHING GAINED"),
+    (None, None, "LEARNED, NOT TESTED")])
 def test_the_page_says_what_was_gained_where_it_was_left_out(known: float | None, learned: float | None, words: str) -> None:
     tried = None if known is None else {"known_um": known, "learned_um": learned}
     learning = SimpleNamespace(findings=(), as_dict=lambda: {"measured_um": 50.0, "gone": {"springs": 0.3, "setup": 0.7},
                                                              "held_out": tried})
     assert _verdict(learning).word == words
+
+
+def test_the_measured_is_compared_with_the_predicted_of_the_moving_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that gives way 1.25 times as much as at rest is expected to leave 1.25 times as much."""
+    asked: list[np.ndarray] = []
+
+    def refuse(terms: object, noise: object, expected: np.ndarray, source: str) -> None:
+        asked.append(expected)
+        raise StopIteration
+
+    monkeypatch.setattr(fitted_part, "frame_of", lambda *of: None)
+    monkeypatch.setattr(fitted_part, "_linearised", lambda *of: lambda x, job: None)
+    monkeypatch.setattr(fitted_part, "without_remainder", lambda *of: None)
+    monkeypatch.setattr(fitted_part, "refuse_wrong_factor", refuse)
+    rows: Any = SimpleNamespace(seen=lambda moved: moved @ np.array([[1.0], [0.0], [2.0]]))
+    moved = 1e-6 * np.array([[40.0, 7.0, -5.0], [10.0, 0.0, 15.0]])
+    predicted: Any = SimpleNamespace(prediction=SimpleNamespace(position=moved))
+    believed: Any = SimpleNamespace(mean=np.zeros(6), start=None)
+    with pytest.raises(StopIteration):
+        fitted_part.fitted_part(rows, predicted, np.zeros((2, 3)), believed, Estimate(1.25, 0.1), "points.csv")
+    assert asked[0] == pytest.approx(1.25e-6 * np.array([30.0, 40.0]))
