@@ -91,6 +91,27 @@ def test_rivals_are_as_far_apart_as_their_predictions(monkeypatch: pytest.Monkey
     assert found.best_pair(3) == (("one", "other"), pytest.approx(np.sqrt(squared([3])), rel=1e-6))
 
 
+def test_what_a_choice_makes_of_the_robot_is_the_largest_difference_of_two(monkeypatch: pytest.MonkeyPatch) -> None:
+    """RMS over the loaded rows of what the springs and the robot's own effects do; what sits in the sensor is none of it."""
+    moved = 1e-6 * np.random.default_rng(2).normal(0, 30, (3, 8, 3))
+    rows = SimpleNamespace(wrench=np.ones((9, 6)), select=lambda kept: None)
+    data = SimpleNamespace(rows=rows, with_rows=lambda kept: "loaded")
+    robot, sensor = (SimpleNamespace(effect=SimpleNamespace(of_robot=own)) for own in (True, False))
+    models = [SimpleNamespace(data=data, log_compliance=np.full(6, float(k)), terms=(sensor, robot),
+                              term_values=[np.array([99.0]), np.array([0.5])]) for k in range(3)]
+    asked = []
+
+    def predicted(data: object, x: np.ndarray, terms: list[object]) -> np.ndarray:
+        asked.append((data, x.tolist(), terms))
+        return moved[int(x[0])]
+
+    monkeypatch.setattr(between_rivals, "predicted_deflection", predicted)
+    found = between_rivals.robot_difference(models)
+    assert asked == [("loaded", [k] * 6 + [0.5], [robot]) for k in (0.0, 1.0, 2.0)]
+    assert found == pytest.approx(max(np.sqrt(np.mean((a - b) ** 2)) for a, b in combinations(moved, 2)))
+    assert between_rivals.robot_difference(models[:1]) == 0.0
+
+
 def test_the_rivals_of_the_file_are_those_of_the_diagnosis(hard):
     folder, cell, rows, found = hard
     told = read_diagnosis(folder / "diagnosis.json", cell)

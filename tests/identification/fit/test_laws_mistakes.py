@@ -358,3 +358,23 @@ def test_a_force_error_moves_the_reading_by_its_share_of_the_force(data: LoadTes
     large = np.linalg.norm(1e4 * np.nan_to_num(moved), axis=1) > could
     assert large.mean() > 0.5
     assert_allclose(far.variance[large], sensor[large] + share * could[large] ** 2, rtol=1e-12)
+
+
+def test_what_a_mistake_explains_is_the_misfit_that_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two models of 30 and 20 readings: of 150 above the noise 60 are left; all is explained a tenth above the noise, as by
+    readings with tails as heavy as these."""
+    models = [SimpleNamespace(components=SimpleNamespace(degrees=np.inf), readings=count) for count in (30, 20)]
+    plain: Any = SimpleNamespace()
+    candidate: Any = SimpleNamespace(models=models)
+    monkeypatch.setattr(judge, "ordinary", lambda model: None)
+
+    def share(left: float) -> float:
+        monkeypatch.setattr(judge, "_chi2", lambda fitted, mended, usual: mended.readings * (4.0 if fitted is plain else left))
+        return judge._explained(plain, candidate)
+
+    assert share(2.2) == pytest.approx(1 - 60 / 150)
+    assert share(4.0) == pytest.approx(0.0)
+    assert share(1.09) == 1.0
+    for model in models:
+        model.components.degrees = 8.0
+    assert share(2.2) == pytest.approx(1 - (2.2 / (8 / 6) - 1) / (4.0 / (8 / 6) - 1))
