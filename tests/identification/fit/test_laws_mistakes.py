@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from identification.fit.load_test import LoadTest
-from identification.fit.mistakes import judge, readings
+from identification.fit.mistakes import judge, readings, units
 from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
 from identification.fit.mistakes.first_look import first_look
 from identification.fit.mistakes.joints import joint_mistakes
@@ -378,3 +378,20 @@ def test_what_a_mistake_explains_is_the_misfit_that_is_gone(monkeypatch: pytest.
     for model in models:
         model.components.degrees = 8.0
     assert share(2.2) == pytest.approx(1 - (2.2 / (8 / 6) - 1) / (4.0 / (8 / 6) - 1))
+
+
+def test_a_mistake_of_a_size_may_be_of_either_sign() -> None:
+    for size in SIZES:
+        assert all(one.low == -one.high < 0 < one.typical < one.high for one in size.parameters)
+
+
+def test_a_unit_belongs_to_its_own_columns(data: LoadTest) -> None:
+    """A force in kilograms leaves the readings as they are, and their sigma goes with the readings."""
+    rows = replace(data.rows, sigma=np.full_like(data.rows.deflection, 2e-6))
+    force, reading = (units._scaled(quantity, by)(data.with_rows(rows))
+                      for quantity, by in (("force", 9.8), ("deflection", 1e-3)))
+    assert list(force) == ["wrench"]
+    assert np.array_equal(force["wrench"], 9.8 * rows.wrench)
+    assert sorted(reading) == ["deflection", "sigma"]
+    np.testing.assert_allclose(reading["deflection"], 1e-3 * rows.deflection)
+    np.testing.assert_allclose(reading["sigma"], 2e-9)
