@@ -126,3 +126,22 @@ def test_a_complaint_about_the_header_names_the_line_it_stands_on(tmp_path):
         found = stopped.value.findings[0]
         assert (found.code, found.line) == ("CS0202", 3)
         assert words in found.message
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize(("rows", "line", "cells"), [
+    (["0,1,2,3,4,5", "1,1,2,3", "2,1,2,3,4"], 7, 6),      # the short one was filled up, both were read
+    (["0,1,2,3", "1,1,2,3,4,5", "2,1,2,3,4"], 7, 4),
+    (["0,1", "1,1,2,3,4,5", "2,1,2,3,4,5,6"], 7, 2),      # the first row has no third column
+    (["0,1,2,3,4", "1,1,2,3,4,5", "2,1,2,3"], 8, 6)])
+def test_rows_of_other_widths_are_named_though_their_cells_are_as_many(
+    separator: str, rows: list[str], line: int, cells: int,
+) -> None:
+    """As many separators in all as rows of five columns have; the fifth is not asked for."""
+    layout = Layout(separator, ("s", "fx", "fy", "fz", "note"), 0, 7, 1, 0, 3)
+    block = "".join(f"{row}\n" for row in rows).replace(",", separator).encode()
+    with pytest.raises(CompstiffError) as stopped:
+        parse_block(block, "log.csv", layout, ("s", "fx", "fy", "fz"), 7, 3)
+    finding, = stopped.value.findings
+    assert (finding.code, finding.line) == ("CS0201", line)
+    assert finding.message.startswith(f"{cells} cells where")

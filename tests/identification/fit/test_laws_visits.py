@@ -17,13 +17,15 @@ from scipy import stats
 
 from identification.common.findings import CompstiffError
 from identification.diagnosis.diagnose import Diagnosis, diagnose
+from identification.fit import visits
 from identification.fit.fit import Fit, fit_stiffness
 from identification.fit.load_test import LoadTest
+from identification.fit.own_response import LoadColumns
 from identification.fit.posterior import posterior
 from identification.fit.seating import moving_zero
 from identification.fit.slips import slips_of_pen
 from identification.fit.visit_findings import visit_findings
-from identification.fit.visits import bad_visits
+from identification.fit.visits import bad_visits, score_visits
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from tests.virtual_cell.cell import Case, Hidden, simulate
@@ -265,6 +267,25 @@ def test_a_zero_that_moves_between_poses_is_said(offset_um: float, said: bool, t
     case = simulate(71040, "ladder12", noise=replace(SHEET, pose_offset_um=offset_um))
     cell, measurements = read(case, tmp_path)
     assert ("CS1734" in codes(fit_stiffness(cell, measurements))) == said
+
+
+def test_a_visit_s_response_is_that_to_its_forces_whatever_their_moments(tmp_path: Path) -> None:
+    """Loads along one line whose lever differs: the visit has a response along that line, and no further direction."""
+    cell, rows = read(simulate(71040, "ladder12", noise=SHEET), tmp_path)
+    wrench = np.zeros_like(rows.wrench)
+    wrench[:, 2] = np.where(rows.wrench.any(axis=1), np.linalg.norm(rows.wrench[:, :3], axis=1), 0.0)
+    wrench[:, 3:] = np.random.default_rng(1).normal(0, 40, (len(rows), 3))
+    seen: list[int] = []
+
+    def of(force: NDArray[np.float64]) -> LoadColumns:
+        seen.append(force.shape[1])
+        return LoadColumns.of(force)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(visits, "LoadColumns", SimpleNamespace(of=of))
+        data = LoadTest.of(cell, replace(rows, wrench=wrench))
+        score_visits(posterior(data), data, np.random.default_rng(0), 20)
+    assert set(seen) == {3}
 
 
 @pytest.mark.parametrize(("stated", "usual"), [(True, 2.0), (False, 3.0)])
