@@ -20,7 +20,7 @@ from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
 from identification.fit.mistakes.first_look import first_look
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.judge import Mistakes, common_factor_findings, mistakes_in
-from identification.fit.mistakes.look import Guess, Look, of_alike
+from identification.fit.mistakes.look import Guess, Look, _two_robots, of_alike
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
@@ -32,7 +32,7 @@ from identification.fit.noise import USUAL_FORCE_N
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
-from tests.runs.mistakes.planted import MISTAKES, Files, right, two_robots
+from tests.runs.mistakes.planted import MISTAKES, Files, right
 
 
 def _read(files: Files, folder: Path) -> LoadTest:
@@ -184,11 +184,10 @@ def test_a_zero_of_one_reference_is_not_taken_off(tmp_path: Path) -> None:
 def test_two_robots_stand_beside_whatever_may_be_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A zero that is off, in a misfit that is not gross: the rows of two robots are no name there, but a rival. Were they
     likelier, nothing would be named."""
-    part = _read(two_robots(11, "irb6700-200-2.60"), tmp_path)
     off = _read(MISTAKES["joint zero 2 deg"](right(4, "irb4400-60"), np.random.default_rng([4, 3]))[0], tmp_path)
-    guess = replace(search(posterior(part)).apart[0], rows=np.arange(len(off.rows)) < len(off.rows) // 2)
     plain = posterior(off)
     found = search(plain)
+    guess = Guess(_two_robots(), np.arange(len(off.rows)) < len(off.rows) // 2, 0.0, 0.0, split=True)
 
     def possible(log_prior: float) -> list[str]:
         monkeypatch.setattr(judge, "search", lambda _: replace(found, apart=(replace(guess, log_prior=log_prior),)))
@@ -221,8 +220,9 @@ def test_a_factor_is_a_unit_where_robots_do_not_differ_by_as_much(data: LoadTest
     mistake, probability = unit_mistake(of(4.44822, 0.5))
     assert "in lbf" in mistake.sentence
     assert probability > 0.95
-    assert unit_mistake(of(4.44822, 3.0)) is None
-    (finding,) = common_factor_findings(of(4.44822, 3.0))
+    wide = of(4.44822, 3.0)
+    assert unit_mistake(wide) is None
+    (finding,) = common_factor_findings(wide)
     assert "softer than the prior's medians, as they would with forces in lbf" in finding.message
     mistake, probability = unit_mistake(of(9.80665, 3.0))
     assert "in kgf" in mistake.sentence
