@@ -57,6 +57,7 @@ def test_along_the_normal(folder: Path, name: str) -> None:
     ("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,4,0\n", "CS0203", 2, "larger than 0"),
     ("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,4,3\n1,2,3,4,0\n1,2,3,4,-1\n", "CS0203", 3, "std_um is 0"),
     ("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,4,3\n1,2,3,4,0.01\n1,2,3,4,-1.5\n", "CS0203", 4, "std_um is -1.5"),
+    ("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,4,0.01\n1,2,3,4,0.002\n", "CS6036", 3, "std_um is 0.002"),
     ("x_mm,y_mm,z_mm,dx_um\n1,2,3,4\n1,2,3,30000\n", "CS5301", 3, "30 mm"),
     ("x_mm,y_mm,z_mm,dx_um,target\n1,2,3,4,1.5\n", "CS3004", 2, "1.5"),
     ("x_mm,y_mm,dx_um\n1,2,3\n", "CS0202", 1, "z_mm"),
