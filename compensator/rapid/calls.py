@@ -7,7 +7,7 @@ counts, error handlers and trap routines as not driven; calls by a name that is 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -19,6 +19,9 @@ from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
 Mask = NDArray[np.bool_]
 # No more calls are followed: routines that call each other double with every level.
 MOST = 20_000
+# Nor are calls within calls beyond this; and of a loop's turn with more stretches than this each counts once: loops within
+# loops double them with every level.
+DEEPEST, LONGEST_TURN = 200, 1000
 # What calls a routine by a name that is made at run time.
 LATE = ("%", "callbyvar")
 
@@ -146,7 +149,7 @@ class _Run:
         return self.routines[number + 1].first if number + 1 < len(self.routines) else self.count
 
     def drive(self, number: int, start: int) -> None:
-        if number in self.under_way or self.calls > MOST:
+        if number in self.under_way or len(self.under_way) >= DEEPEST or self.calls > MOST:
             self.sure = False
             return
         self.calls += 1
@@ -154,24 +157,25 @@ class _Run:
         handler = next((k for k, step in enumerate(routine.steps) if step.name == "handler"), len(routine.steps))
         stop = routine.steps[handler].at if handler < len(routine.steps) else self.stop(number)
         self.under_way.append(number)
-        steps = iter([*routine.steps[:handler], Step(stop, "endfor", -1)])
-        self._body(steps, routine.first, start)
+        self._body([*routine.steps[:handler], Step(stop, "endfor", -1)], routine.first, start)
         self.under_way.pop()
 
-    def _body(self, steps: Iterator[Step], first: int, start: int) -> int:
-        """Drives on from target `first` to the end of a loop or of the routine, where that target is returned."""
+    def _body(self, steps: Iterable[Step], first: int, start: int) -> None:
+        """Drives on from target `first` to the end of the routine."""
         in_branches: set[str] = set()
+        loops: list[tuple[int, set[str]]] = []
         for step in steps:
             if step.at > first:
                 self.driven.append(Driven(first, step.at, self.displaced, self.soft, start))
             first = step.at
-            if step.name == "endfor":
+            if step.name == "endfor" and not loops:
                 break
-            if step.name == "for":
-                begin = len(self.driven)
-                first = self._body(steps, first, start)
-                self.sure &= len(self.driven) == begin
-                self.driven += self.driven[begin:]
+            if step.name == "endfor":
+                begin, in_branches = loops.pop()
+                self._again(begin)
+            elif step.name == "for":
+                loops.append((len(self.driven), in_branches))
+                in_branches = set()
             elif step.name in LATE:
                 self.sure = False
             elif step.name in DISPLACEMENT:
@@ -182,4 +186,13 @@ class _Run:
                 # Of several branches that call the same routine one is taken.
                 in_branches |= {step.name} if step.branch else set()
                 self.drive(self.numbers[step.name], step.start)
-        return first
+        for begin, _ in reversed(loops):        # loops that the text does not close
+            self._again(begin)
+
+    def _again(self, begin: int) -> None:
+        """Drives once more what was driven in a loop, from the stretch number `begin` on; two turns stand for several."""
+        turn = self.driven[begin:]
+        self.sure &= not turn
+        if len(turn) > LONGEST_TURN:
+            turn = list(dict.fromkeys(turn))
+        self.driven[begin:] = 2 * turn
