@@ -90,7 +90,7 @@ def estimate_payload(fall: Array, load: Array, *, has_moment: bool) -> Payload |
     bias[:3], bias_std[:3] = parameters[:3], np.sqrt(np.diag(covariance)[:3])
     centre = centre_std = None
     moment_scatter, moment_dof = float("nan"), 0
-    if has_moment and count > 2 and turn[1] >= TURN and mass > 3 * mass_std:
+    if has_moment and turn[1] >= TURN and mass > 3 * mass_std:
         moment = np.zeros((3 * count, 6))
         moment[:, :3] = np.tile(np.eye(3), (count, 1))
         # (m c) x g = -[g]x (m c)

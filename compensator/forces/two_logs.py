@@ -132,7 +132,7 @@ def _displaced(a: Array, b: Array, length: Array) -> Reading:
 def _more(a: Array, b: Array) -> Reading:
     """A constant besides."""
     deviation = a - a.mean(axis=0)
-    factor = float(np.sum(deviation * (b - b.mean(axis=0))) / max(np.sum(deviation**2), 1e-300))
+    factor = float(np.sum(deviation * b) / max(np.sum(deviation**2), 1e-300))
     constant = b.mean(axis=0) - factor * a.mean(axis=0)
     left = _left(b, factor * a + constant) if factor > 0 else np.inf
     return Reading("CS3113", f"a constant of {' '.join(f'{x:.0f}' for x in constant)} N less in one of them (base frame)", left,

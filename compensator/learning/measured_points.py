@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, counted, error
 from identification.common.predicted_tables import check_measured
+from identification.common.sizes import FINEST_READING
 from identification.common.tables import Table, read_table
 from identification.common.typed_zeros import said_of_zeros
 from identification.model.cell import Cell
@@ -123,6 +124,11 @@ def _sigma(table: Table, cell: Cell) -> tuple[Array, list[Finding]]:
             row = int(np.argmax(~(sigma > 0)))
             raise error("CS0203", f"std_um is {1e6 * sigma[row]:g}, must be larger than 0", file=table.source,
                         line=int(table.line[row]), column=table.column("std_um"))
+        if (sigma < FINEST_READING).any():
+            row = int(np.argmax(sigma < FINEST_READING))
+            raise error("CS6036", f"std_um is {1e6 * sigma[row]:.2g}, which no probe has: in millimetres?", file=table.source,
+                        line=int(table.line[row]), column=table.column("std_um"), hint="deviations and their 1 sigma are in "
+                        "micrometres")
         return sigma, []
     stated = float(np.sqrt(np.mean(cell.noise.deflection**2)))
     return np.full(len(table), stated), [Finding(

@@ -18,7 +18,7 @@ def said_of_shift(rows: Rows, measured: Array, predicted: Predicted, source: str
     """A warning (CS5329) where measured (n,) [m] follows the prediction far better when that is taken farther along the path,
     or less far, by the same everywhere."""
     length, moved = predicted.path.length[predicted.targets], predicted.prediction.position
-    if len(length) < 2 or not np.isfinite(length).all():
+    if not len(length) or not np.isfinite(length).all():
         return []
     shifts = np.arange(-round(FARTHEST / STEP), round(FARTHEST / STEP) + 1) * STEP
     taken = [np.column_stack([np.interp(length + by, length, axis) for axis in moved.T]) for by in shifts]

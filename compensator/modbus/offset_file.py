@@ -60,8 +60,8 @@ class Offsets:
 
     @property
     def micrometres(self) -> NDArray[np.int64]:
-        """Rounded to what is sent (N, 3)."""
-        return np.rint(1e6 * self.offset).astype(np.int64)
+        """Rounded to what is sent (N, 3); what no register holds by far stays as far beyond as an integer goes."""
+        return np.rint(np.clip(1e6 * self.offset, -1e18, 1e18)).astype(np.int64)
 
 
 def read_offsets(file: str | Path, reach_mm: float) -> Offsets:

@@ -16,6 +16,8 @@ from compensator.rapid.text import Source
 JUMPS = ("return", "exit", "exitcycle", "raise", "goto")
 # Instructions that count their first argument.
 COUNTS = ("incr", "decr", "add")
+# Blocks within blocks beyond this are not looked into.
+DEEPEST = 150
 _CLOSES = ("endif", "endtest", "endfor", "endwhile")
 _ARMS = ("elseif", "else", "case", "default")
 
@@ -139,30 +141,41 @@ def arguments(source: Source, call: Step) -> list[list[Token]]:
     return [part[2:] if len(part) > 2 and part[1].word == ":=" else part for part in split(words[:stop], ",")]
 
 
-def _fill(block: Block, steps: Iterator[Step], stop: int) -> Step | None:
-    """Takes the steps of a block up to that which ends it, which is returned; None at the end of the routine."""
+def _fill(block: Block, steps: Iterator[Step], stop: int, deep: int = 0) -> Step | None:
+    """Takes the steps of a block up to that which ends it, which is returned; None at the end of the routine. deep: within how
+    many others it stands."""
     for step in steps:
         if step.kind in _CLOSES or step.kind in _ARMS:
             block.stop = step.at
             return step
-        if step.kind in ("for", "while"):
+        if step.kind in ("for", "while", "if", "test") and deep >= DEEPEST:
+            block.items.append(step._replace(kind="jump", name="goto"))
+            _pass_over(steps)
+        elif step.kind in ("for", "while"):
             body = Block(step.at)
-            end = _fill(body, steps, stop)
+            end = _fill(body, steps, stop, deep + 1)
             block.items.append(Loop(step, body, end))
         elif step.kind in ("if", "test"):
-            block.items.append(_fork(step, steps, stop))
+            block.items.append(_fork(step, steps, stop, deep + 1))
         else:
             block.items.append(step)
     block.stop = stop
     return None
 
 
-def _fork(head: Step, steps: Iterator[Step], stop: int) -> Fork:
+def _pass_over(steps: Iterator[Step]) -> None:
+    """Goes behind the end of a loop or branch that has begun, whatever is within: nobody can tell in which order that is."""
+    opened = 1
+    while opened and (step := next(steps, None)) is not None:
+        opened += (step.kind in ("for", "while", "if", "test")) - (step.kind in _CLOSES)
+
+
+def _fork(head: Step, steps: Iterator[Step], stop: int, deep: int) -> Fork:
     fork, arm = Fork(head, []), Block(head.at)
     last: Step | None = head
     while last is not None and (last is head or last.kind in _ARMS):
         if not (last is head and head.kind == "test"):
             fork.arms.append(Arm(last, arm))
-        last = _fill(arm, steps, stop)
+        last = _fill(arm, steps, stop, deep)
         fork.stop, arm = (stop, arm) if last is None else (last.at, Block(last.at))
     return fork

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.rapid.blocks import Arm, Block, Fork, Loop, Routine, Step, end_routines
+from compensator.rapid.blocks import DEEPEST, Arm, Block, Fork, Loop, Routine, Step, end_routines
 from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
 from compensator.rapid.runtime import Parameter
 from compensator.rapid.scopes import Scope
@@ -30,6 +30,9 @@ MOST = 20_000
 MOST_WAYS = 64
 # Nor one on which each move is driven so often, where there are more than so many.
 OFTEN, MANY = 10, 100_000
+# Nor blocks within blocks beyond DEEPEST, in calls or in loops, nor more blocks in all; and of a loop's turn with more
+# stretches than this each counts once: loops within loops double them with every level.
+MOST_BLOCKS, LONGEST_TURN = 100_000, 1000
 # What calls a routine by a name that is made at run time.
 LATE = ("%", "callbyvar")
 
@@ -210,6 +213,8 @@ class _Run:
     soft: bool = False
     calls: int = 0
     length: int = 0
+    deep: int = 0
+    blocks: int = 0
     driven: list[Driven] = field(default_factory=list)
     taken: list[Taken] = field(default_factory=list)
     chosen: list[int] = field(default_factory=list)
@@ -256,6 +261,17 @@ class _Run:
 
     def _block(self, block: Block, scope: Scope, branch: bool) -> str:
         """Drives a block; "return" or "exit" where its routine or the program ends in it."""
+        self.blocks += 1
+        if self.deep >= DEEPEST or self.blocks > MOST_BLOCKS:
+            self._not_followed()
+            self._move(block.first, block.stop)
+            return ""
+        self.deep += 1
+        ended = self._items(block, scope, branch)
+        self.deep -= 1
+        return ended
+
+    def _items(self, block: Block, scope: Scope, branch: bool) -> str:
         first = block.first
         for item in block.items:
             at = item.at if isinstance(item, Step) else item.head.at
@@ -334,7 +350,10 @@ class _Run:
             self.variables.skip(loop.body, scope)
             ended = self._block(loop.body, scope, branch) if turns else ""
         self.in_branches = before
-        self.driven += self.driven[begin:] if turns > 1 else []
+        turn = self.driven[begin:]
+        if len(turn) > LONGEST_TURN:
+            turn = list(dict.fromkeys(turn))
+        self.driven[begin:] = 2 * turn if turns > 1 else turn
         return ended
 
     def _skip(self, loop: Loop, scope: Scope) -> str:

@@ -13,6 +13,7 @@ from identification.common.added_targets import AddedTargets
 from identification.common.arrays import Array, read_only, rms
 from identification.common.findings import Finding, counted, error
 from identification.common.predicted_tables import check_measured
+from identification.common.sizes import FINEST_READING
 from identification.common.tables import Table, read_table
 from identification.common.typed_zeros import said_of_zeros
 from identification.model.cell import Cell
@@ -25,9 +26,8 @@ NORMAL = ("nx", "ny", "nz")
 # So many components whose RMS is under this share of their 1 sigma are in another unit, or typed zeros: chance makes three such
 # files in 1e9.
 ENOUGH, TOO_QUIET = 10, 0.1
-# No probe reads a part better than to this 1 sigma, and no part that was milled is off by so much, RMS [m] (engineering
-# judgement: the best measuring machines state some tenths of a micrometre).
-FINEST, FARTHEST = 6e-9, 1e-2
+# No part that was milled is off by so much, RMS [m] (engineering judgement).
+FARTHEST = 1e-2
 
 # Two passes over one part share at least this part of the smaller one's places: with fewer it is another part, or mirrored.
 FEWEST_PAIRS = 0.1
@@ -129,19 +129,23 @@ def read_readings(file: Path, cell: Cell) -> Readings:
                         line=int(table.line[row]))
         normal = normal / length
     readings = Readings(table.source, key, place, deviation, np.where(np.isnan(deviation), np.nan, sigma), normal)
-    _check_scatter(readings)
+    _check_scatter(readings, table.line)
     return _in_order(readings, [*findings, *said_of_zeros(table, deviation, sigma)])
 
 
-def _check_scatter(readings: Readings) -> None:
+def _check_scatter(readings: Readings, line: Indices) -> None:
     """Refuses readings that are smaller than what they scatter by: they would pass for a perfect part (CS6035). And those of
     another unit, their scatter with them (CS6036)."""
     measured = ~np.isnan(readings.deviation)
-    sigma, size = (rms(values[measured]) if measured.any() else 1e-6 for values in (readings.sigma, readings.deviation))
-    if sigma < FINEST or size > FARTHEST:
-        what = (f"a 1 sigma of {1e6 * sigma:.2g} um, RMS, that no probe has: in millimetres?" if sigma < FINEST else
-                f"deviations of {1e6 * size:.3g} um, RMS: in nanometres, or places in their columns?")
-        raise error("CS6036", what, file=readings.source, hint="deviations and their 1 sigma are in micrometres")
+    hint = "deviations and their 1 sigma are in micrometres"
+    fine = np.flatnonzero((readings.sigma < FINEST_READING).any(axis=1))
+    if len(fine):
+        raise error("CS6036", f"a 1 sigma of {1e6 * np.nanmin(readings.sigma[fine[0]]):.2g} um that no probe has: in "
+                    "millimetres?", file=readings.source, line=int(line[fine[0]]), hint=hint)
+    size = rms(readings.deviation[measured]) if measured.any() else 0.0
+    if size > FARTHEST:
+        raise error("CS6036", f"deviations of {1e6 * size:.3g} um, RMS: in nanometres, or places in their columns?",
+                    file=readings.source, hint=hint)
     relative = rms((readings.deviation / readings.sigma)[measured]) if measured.sum() >= ENOUGH else 1.0
     if relative < TOO_QUIET:
         raise error("CS6035", f"all {int(measured.sum())} deviations together are {relative:.2g} times their own 1 sigma, RMS: "

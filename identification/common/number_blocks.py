@@ -99,6 +99,8 @@ def _parsed(block: bytes, layout: Layout, wanted: Sequence[str], decimal: str) -
     plain = _plain(block, layout, wanted, decimal)
     if plain is not None:
         return plain
+    if layout.separator != BLANKS and not _even(block, layout):
+        return None         # pandas fills short rows up, and takes its columns from the first
     import pandas as pd
 
     place = {column: layout.names.index(column) for column in wanted}
@@ -113,6 +115,13 @@ def _parsed(block: bytes, layout: Layout, wanted: Sequence[str], decimal: str) -
         return None
     numbers = {column: frame[k].to_numpy() for column, k in place.items()}
     return numbers if all(_sound(values) for values in numbers.values()) else None
+
+
+def _even(block: bytes, layout: Layout) -> bool:
+    """Whether every line has as many cells as there are columns."""
+    text = np.frombuffer(block.removesuffix(b"\n") + b"\n", np.uint8)
+    marks, ends = (np.flatnonzero(text == ord(mark)) for mark in (layout.separator, "\n"))
+    return bool((np.diff(np.searchsorted(marks, ends), prepend=0) == len(layout.names) - 1).all())
 
 
 def _plain(block: bytes, layout: Layout, wanted: Sequence[str], decimal: str) -> dict[str, Array] | None:

@@ -9,3 +9,6 @@ LARGEST, SMALLEST = 1e12, 1e-12
 SOFTEST, STIFFEST = 1e-3, 1e20
 # Of such stiffnesses, and of anything else in a covariance.
 LARGEST_VARIANCE = 1e60
+# 1 sigma [m] of a reading on a part: no probe has less (engineering judgement: the best measuring machines state some tenths
+# of a micrometre).
+FINEST_READING = 6e-9

@@ -314,6 +314,16 @@ def _parquet(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     return frame, np.arange(2, len(frame) + 2), 1
 
 
+def _widths(body: list[str], separator: str, file: str | Path) -> NDArray[np.intp]:
+    """How many cells each row has; pandas would take the first of too many for the name of the row, and move the others up."""
+    if not any('"' in line for line in body):
+        return np.array([line.count(separator) + 1 for line in body], dtype=np.intp)
+    try:
+        return np.array([len(row) for row in csv.reader(body, delimiter=separator, skipinitialspace=True)], dtype=np.intp)
+    except csv.Error as reason:
+        raise error("CS0201", f"is not a table: {reason}", file=str(file)) from reason
+
+
 def _csv(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     """Cells of a CSV file, comments and blank lines left out, the line each row stands on, and the header's."""
     import pandas as pd
@@ -342,8 +352,9 @@ def _csv(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     except csv.Error as reason:
         raise error("CS0201", f"the header line is not CSV: {reason}", file=str(file), line=kept[0] + 1) from reason
     check_unique(names, str(file), kept[0] + 1)
-    widths = np.array([line.count(separator) + 1 for line in body], dtype=int)
-    wrong = np.flatnonzero(widths != len(names)) if '"' not in plain else np.empty(0, dtype=int)
+    widths = _widths(body, separator, file)
+    # Fewer rows than lines: a cell in quotes goes on over the end of its line, which is said below.
+    wrong = np.flatnonzero(widths != len(names)) if len(widths) == len(body) else np.empty(0, dtype=int)
     if len(wrong):
         row = int(wrong[0])
         raise error("CS0201", f"{widths[row]} cells where the header names {len(names)} columns", file=str(file),

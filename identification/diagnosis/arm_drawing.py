@@ -16,7 +16,7 @@ PARTS = {"base": (150, 268), "track": (150, 300), "link": (152, 134), "rod": (11
 # What stands up to here is named on the left.
 COLUMN = 172
 # Of the links that may bend, by the joint they follow.
-LINKS = {2: (152, 134), 3: (256, 70)}
+LINKS = {2: PARTS["link"], 3: (256, 70)}
 OF_FAMILY = {"gear": "link", "structure": "link", "base": "base", "tool": "tool", "load path": "load",
              "force measurement": "force sensor", "deflection measurement": "deflection sensor"}
 # Effects, or one law of theirs, that sit at another place than their family; "": at their joint.

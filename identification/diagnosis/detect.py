@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import WIDEST, Dictionary, dictionary_of
 from identification.diagnosis.patterns import Pattern, patterns_of
-from identification.diagnosis.projection import PRIOR_SIZES, Base, information_blocks, room
+from identification.diagnosis.projection import Base, information_blocks, room
 from identification.diagnosis.replicates import AveragedNoise, Drawn, FittedNoise
 from identification.fit.discrepancy import other_ways
 from identification.fit.posterior import Posterior
@@ -74,7 +74,7 @@ def base_of(fitted: Posterior, dictionary: Dictionary) -> Base:
         base = base.extended(room(term.typical_sizes(values)) * shapes)
         base = base.freed(dictionary.undecided(state, term.joint), state.visit)
     found = (replace(term, start=values) for term, values in zip(fitted.terms, fitted.term_values, strict=True))
-    return base.extended(other_ways(state, at.noise, found) / PRIOR_SIZES)
+    return base.unsure_of(other_ways(state, at.noise, found))
 
 
 def detect(

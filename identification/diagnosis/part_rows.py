@@ -166,7 +166,7 @@ def enough(
     for entry, signature in zip(chosen.entries, chosen.signatures, strict=True):
         base = base.extended(dictionary.shapes(entry, signature))
         base = base.freed(dictionary.undecided(rows.state, dictionary.entries[entry].joint), rows.state.visit)
-    base = base.extended(other_ways(rows.state, rows, seen.terms(chosen)) / PRIOR_SIZES)
+    base = base.unsure_of(other_ways(rows.state, rows, seen.terms(chosen)))
     return detect(base, dictionary, (), (rows,), rng, replicates)
 
 

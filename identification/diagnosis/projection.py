@@ -83,6 +83,10 @@ class Base:
         vars(larger)["weighted_design"] = np.concatenate([self.weighted_design, self.weights.apply(columns)], axis=2)
         return larger
 
+    def unsure_of(self, columns: Array) -> Base:
+        """The model with further columns (n, 3, p) that are 1 sigma each."""
+        return self.extended(columns / PRIOR_SIZES)
+
     def freed(self, moved: Array, visit: NDArray[np.intp]) -> Base:
         """The model with displacements moved (N, 3, p) [m], in typical sizes, of which each visit (N,) has coefficients of its
         own, free within their prior: as part of the noise, since as columns they would be as many as the visits."""

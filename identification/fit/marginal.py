@@ -124,7 +124,7 @@ def _grams(at: Linearised, components: VarianceComponents, trials: Trials, besid
 
 
 def _log_posterior(draws: Array, x: Array, information: Array, pull: Array, prior: PriorModel) -> Array:
-    """ln posterior (D,) of draws, less its value at x; the likelihood is Gaussian in c about the MAP x: c / c0 - 1 in place of
+    """ln posterior (D,) of draws but for a constant; the likelihood is Gaussian in c about the MAP x: c / c0 - 1 in place of
     ln c - x. information (D, p, p) and pull (D, p): curvature and gradient of the ln likelihood by ln c at x."""
     step = draws - x
     step[:, SPRINGS] = np.expm1(np.clip(step[:, SPRINGS], -50, 50))
@@ -132,7 +132,7 @@ def _log_posterior(draws: Array, x: Array, information: Array, pull: Array, prio
     value -= 0.5 * np.sum(((draws[:, SPRINGS] + np.log(prior.prior.stiffness)) / prior.prior.log_std) ** 2, axis=1)
     value -= 0.5 * np.sum(((draws[:, EFFECTS] - prior.term_mean) / prior.term_std) ** 2, axis=1)
     value[np.any(draws != prior.inside(draws), axis=1)] = -np.inf
-    return np.asarray(value + prior.value(x))
+    return np.asarray(value)
 
 
 def _laplace_log_evidence(information: Array, pull: Array, covariance: Array, prior: PriorModel, x: Array) -> Array:

@@ -67,6 +67,8 @@ def read_lvm(file: str | Path, channels: Sequence[str] = CHANNELS) -> ForceSampl
                         f"{', '.join(segments[0].names)}", file=name)
     place = [segments[0].names.index(channel) for channel in present]
     time = np.concatenate([segment.time[:, place[0]] for segment in segments])
+    if not len(time):
+        raise error("CS0201", "has no row of data", file=name, hint="was the measurement stopped before it began?")
     findings: list[Finding] = []
     scale = [_scale(segment, place, name, findings) for segment in segments]
     values = np.concatenate([segment.values[:, place] * each for segment, each in zip(segments, scale, strict=True)])

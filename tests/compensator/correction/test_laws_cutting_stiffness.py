@@ -10,7 +10,8 @@ import pytest
 
 from compensator.correction.correct import Corrected
 from compensator.correction.cutting_prior import MATERIALS, WIDTH, of_force, of_material
-from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair, of_either_sign, posterior
+from compensator.correction.cutting_stiffness import ZERO, CuttingStiffness, PassPair, of_either_sign, posterior
+from compensator.correction.known_slot import through_zero
 from compensator.correction.logged_pass import known_before
 from compensator.correction.settings import Estimate
 from compstiff.cli.options import ScaledEstimate
@@ -177,3 +178,23 @@ def test_a_scale_in_per_cent_is_refused(value: str, word: str) -> None:
         return
     with pytest.raises(click.UsageError, match=word):
         kind.convert(value, None, None)
+
+
+def test_the_stiffness_of_a_slot_is_in_proportion() -> None:
+    """Two passes in full slots: the slope through zero, and of its error the sensor's zero and the scatter about the slope;
+    drawn anew 400 times, each with a zero of its own."""
+    rng = np.random.default_rng(16)
+    deeper, truth, noise = rng.uniform(40e-6, 90e-6, 60), 4e5, 6.0
+    prior = Estimate(1e5, 1e12)
+    values, widths = [], []
+    for _ in range(400):
+        zero = rng.normal(0, ZERO)
+        found = through_zero(prior, deeper, truth * deeper + zero + rng.normal(0, noise, 60))
+        values.append(found.value)
+        widths.append(found.std)
+    assert np.mean(values) == pytest.approx(truth, abs=4 * np.std(values) / 20)
+    size = deeper @ deeper
+    wanted = np.hypot(ZERO * deeper.sum() / size, noise / np.sqrt(size))
+    assert np.std(values) == pytest.approx(wanted, rel=0.12)
+    assert np.median(widths) == pytest.approx(wanted, rel=0.15)
+    assert through_zero(prior, np.zeros(3), np.ones(3)) == prior

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from compensator.correction.expected_left import _bent_and_turned
+from compensator.correction.waiting import waiting
 from tests.runs.milling.milling_job import MillingJob, rms, settings
 from tests.virtual_cell.endmill import EndMill
 from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
@@ -46,6 +48,9 @@ def test_a_force_that_begins_anywhere_on_a_move() -> None:
     begin, share = np.random.default_rng(5).random(4000)[:, None], np.linspace(0, 1, 201)
     assert found[4] == pytest.approx(80e-6 * rms(share - (share > begin)), rel=0.03)
     assert found[5:] == pytest.approx(0.0, abs=1e-12)
+    ends, _ = between(np.column_stack([place, 0 * place, 0 * place]), deviation[::-1] * np.linspace(0.5, 1.4, 10)[:, None])
+    assert ends[6] == pytest.approx(found[4]), "the same where it ends: the target behind has no force"
+    assert ends[1:6] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_force_that_turns_with_each_straight_move_leaves_a_saw_tooth() -> None:
@@ -113,3 +118,25 @@ def test_nothing_climbs_in_a_slot_alone(tmp_path: Path) -> None:
     assert guessed.left.at_slot_depths
     assert not shallow.left.at_slot_depths
     assert "CS3243" in [finding.code for finding in shallow.findings]
+
+
+@pytest.mark.parametrize(("std", "cut", "deviation", "logged_with", "waits"), [
+    (60e-6, 59e-6, 600e-6, None, True),         # 12.4 um stay: 95 um less, of 20 um of tolerance
+    (60e-6, 59e-6, 600e-6, Path("first.csv"), False),
+    (60e-6, 59e-6, 60e-6, None, False),         # nothing is gained where the correction left all of the deviation
+    (45e-6, 45e-6, 450e-6, None, True),         # 81 um less
+    (44e-6, 44e-6, 440e-6, None, False),        # 79 um less
+    (300e-6, 250e-6, 3e-3, None, False),        # 268 um less, but more than half stays
+    (300e-6, 262e-6, 3e-3, None, True),         # 148 um stay: just less than half
+])
+def test_a_target_waits_for_the_log_of_its_pass(std: float, cut: float, deviation: float, logged_with: Path | None,
+                                                waits: bool) -> None:
+    """Two sigma fall by more than four tolerances, and to less than half; written out by the root of the sum of squares of what
+    goes with the cut, in the ratio of what is left to the deviation, and of what does not."""
+    position = np.array([[0.0, 0.6 * deviation, 0.8 * deviation], [0.0, 0.0, 0.0]])
+    job = SimpleNamespace(settings=SimpleNamespace(correction=SimpleNamespace(tolerance=20e-6, logged_with=logged_with)),
+                          targets=np.array([3, 8]), prediction=SimpleNamespace(position=position))
+    found = waiting(job, SimpleNamespace(std=np.array([std, 1e-6]), cut=np.array([cut, 0.5e-6])))
+    assert found.targets.tolist() == [3] * waits
+    assert found.then == pytest.approx([math.hypot(math.sqrt(std**2 - cut**2), cut * std / deviation)] * waits)
+    assert found.as_dict()["two_sigma_um"] == pytest.approx(2e6 * std * waits)

@@ -6,6 +6,7 @@ import itertools
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,11 +14,13 @@ import pytest
 from compensator.correction import intermediate_targets
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.files import Inputs, predict_files
-from compensator.correction.fine_grid import fine_grid
+from compensator.correction.fine_grid import _around, fine_grid
 from compensator.correction.force_changes import noise_of_one
+from compensator.correction.grid_forces import forces_on
 from compensator.correction.grid_path import asks_for_all, grid_path
 from compensator.correction.needed_targets import beyond_noise, window_means, windows
 from compensator.correction.settings import Estimate, Settings
+from compensator.forces.placement import TargetForces
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3
 from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation
@@ -410,3 +413,28 @@ def test_points_of_a_grid_are_driven_like_the_moves_they_lie_on(tmp_path: Path) 
     narrow = replace(robot, limits=np.column_stack([robot.limits[:, 0], np.r_[robot.limits[:5, 1], robot.limits[5, 0] + 0.01]]))
     fine = grid_path(replace(planned.path, cell=replace(planned.cell, robot=narrow)), grid)
     np.testing.assert_array_equal(fine.reached, ~grid.further)
+
+
+def test_forces_that_name_targets_are_straight_from_one_to_the_next() -> None:
+    """Two further points on the move to the second target of three, none on the one after: between targets with force alone."""
+    rng = np.random.default_rng(4)
+    wrench, error = rng.normal(0, 90, (3, 6)), rng.uniform(1, 3, (3, 3))
+    further = np.array([False, True, True, False, False])
+    grid = SimpleNamespace(kept=np.flatnonzero(~further), further=further, targets=np.arange(3))
+    for forced, at in (([True] * 3, [True] * 5), ([True, False, True], [True, False, False, False, True])):
+        given = TargetForces(np.where(np.array(forced)[:, None], wrench, 0), np.array([7, 8, 9]), error, np.array(forced), None,
+                             (), SimpleNamespace(key="target"))
+        found = forces_on(SimpleNamespace(forces=given), None, grid, None)
+        along = np.interp([0, 1, 2, 3, 6], [0, 3, 6], [0, 1, 2])
+        wanted = np.column_stack([np.interp(along, range(3), axis) for axis in given.wrench.T])
+        assert found.forced.tolist() == at
+        assert np.allclose(found.wrench, np.where(np.array(at)[:, None], wanted, 0.0))
+        assert np.allclose(found.standard_error, np.column_stack([np.interp(along, range(3), axis) for axis in error.T]))
+        assert found.samples.tolist() == [7, 0, 0, 8, 9]
+
+
+def test_what_stands_around_a_move_is_as_far_from_both_of_its_ends() -> None:
+    """The move to target k begins at k - 1: from three targets before that to three behind k, and none beyond the program."""
+    for moves, around in (([20], range(16, 24)), ([1], range(5)), ([29], range(25, 30)),
+                          ([3, 28], [*range(7), *range(24, 30)])):
+        assert _around(np.array(moves), 30).tolist() == list(around)

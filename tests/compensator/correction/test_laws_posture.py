@@ -3,15 +3,49 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from compensator.correction import other_stance
+from compensator.correction.posture import Advice
+from identification.model.rotations import Frame as Goal
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import line
 from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation
 
 FORCE = np.array([250.0, 60.0, -40.0])
+
+
+def test_another_stance_is_followed_in_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """None turns by more than 5 degrees, or moves by more than 100 mm, and together they are what was asked."""
+    goals: list[Goal] = []
+
+    def stands(loaded: SimpleNamespace, goal: Goal) -> SimpleNamespace:
+        goals.append(goal)
+        return SimpleNamespace(path=SimpleNamespace(base_from_tcp=goal))
+
+    monkeypatch.setattr(other_stance, "_stands", stands)
+    at = Goal(Rotation.from_euler("xyz", [[20, -30, 40]], degrees=True).as_matrix(), np.array([[1.2, 0.1, 0.8]]))
+    start = SimpleNamespace(path=SimpleNamespace(base_from_tcp=at))
+    for degrees, steps in ((-60, 12), (35, 7), (0, 1)):
+        goals.clear()
+        other_stance.turned(start, np.radians(degrees))
+        assert len(goals) == steps
+        assert np.allclose(goals[-1].rotation, at.rotation @ Rotation.from_euler("z", degrees, degrees=True).as_matrix())
+        assert np.allclose(goals[-1].position, at.position)
+    goals.clear()
+    other_stance.shifted(start, np.array([0.0, -0.3, 0.0]))
+    assert [goal.position[0].tolist() for goal in goals] == [pytest.approx([1.2, y, 0.8]) for y in (0.0, -0.1, -0.2)]
+
+
+def test_what_a_turn_gains_is_a_share_of_what_is_planned() -> None:
+    turns, rms, largest = np.radians([-10, 0, 5]), np.array([90e-6, 100e-6, 75e-6]), np.array([2e-4, 3e-4, 1e-4])
+    told = Advice(turns, rms, largest, ("", ""), 8).as_dict()
+    assert told["gain"] == 0.25
+    assert (told["turn_deg"], told["possible_deg"]) == (5.0, [-10.0, 5.0])
+    assert (told["rms_um"], told["largest_um"]) == ([100.0, 75.0], [300.0, 100.0])
 
 
 def test_the_gain_is_what_the_turned_tool_gets(tmp_path: Path) -> None:

@@ -3,15 +3,18 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from compensator.correction.files import Inputs, predict_files
+from compensator.correction.predict import _without_zero
 from compensator.correction.settings import Settings
 from compensator.forces.log_path import on_path
-from compensator.forces.placement import TargetForces, place_forces, read_force_log
+from compensator.forces.placement import TargetForces, _without_force, place_forces, read_force_log
 from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import zero_of
 from compensator.path.arc_length import nearest_target
@@ -407,3 +410,31 @@ def test_all_targets_of_a_gap_in_the_cut_are_told(tmp_path, lost: Sequence[int],
     forces = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell, tare=(0, 1))
     told = [finding.message for finding in forces.findings if finding.code == "CS3012"]
     assert [bool(re.search(listed, message)) for message in told] == ([True] if listed else [])
+
+
+def test_a_force_within_the_noise_is_said_to_be_none() -> None:
+    """A log without moments, and forces along one axis alone, too; not where there was no sample, or nothing but zeros."""
+    forces: Any = SimpleNamespace(samples=np.array([9, 9, 9, 0, 9]), forced=np.array([True, False, False, False, False]))
+    mean = np.zeros((5, 6))
+    mean[[0, 1, 3, 4], :3] = [[80, 20, 5], [1, -2, 1], [1, 1, 1], [0, 0, 2]]
+    path: Any = SimpleNamespace(toolpath=SimpleNamespace(source="a.mod", line=np.arange(10, 15)))
+    zero: Any = SimpleNamespace(noise=None)
+    [said] = _without_force(path, forces, mean, zero)
+    assert (said.code, said.target, said.line) == ("CS3009", 1, 11)
+    assert said.message.startswith("2 targets with a mean force that is not told apart from zero")
+    assert not _without_force(path, forces, np.zeros((5, 6)), zero)
+
+
+@pytest.mark.parametrize(("count", "least", "tare", "said"), [
+    (5, 30.0, (), True), (4, 30.0, (), False), (5, 19.0, (), False), (5, 30.0, ((0, 1),), False)])
+def test_a_program_that_cuts_on_every_move_shows_no_zero(
+    count: int, least: float, tare: tuple[tuple[int, int], ...], said: bool,
+) -> None:
+    """Five moves or more, all with more than a fifth of the largest force, and no tare."""
+    wrench = np.zeros((count, 6))
+    wrench[:, 1], wrench[1, 1] = 100.0, least
+    placed: Any = SimpleNamespace(forced=np.ones(count, dtype=bool), wrench=wrench, unknown=None,
+                                  log=SimpleNamespace(source="log.csv"))
+    path: Any = SimpleNamespace(cell=SimpleNamespace(force_log=SimpleNamespace(bias=None)))
+    settings: Any = SimpleNamespace(log=SimpleNamespace(tare=tare))
+    assert [finding.code for finding in _without_zero(placed, path, settings)] == ["CS3087"] * said

@@ -152,3 +152,23 @@ def test_the_covariance_is_the_inverse_of_what_all_independent_values_say() -> N
     curvature = root @ root.T / np.multiply.outer(size, size) / 40.0
     found = Regression.covariance(parabola(curvature, rng.normal(size=4)), rng.normal(size=4), np.zeros(3), 40.0)
     np.testing.assert_allclose(found / np.multiply.outer(size, size), np.linalg.inv(root @ root.T), rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("newton", [1e-2, 1.0, 300.0])
+def test_the_share_of_one_plateau_is_the_best_of_all_pairs_of_ends(newton: float) -> None:
+    """By squares about the two means, every plateau in turn; forces of any size, bins without a sample left out."""
+    rng = np.random.default_rng(23)
+    force = newton * (rng.standard_normal((24, 3)) + np.where((np.arange(24) > 6) & (np.arange(24) < 15), 1.5, 0.0)[:, None])
+    weight = np.ones(24)
+    weight[[3, 10]] = 0.0
+    force[weight == 0] = 0.0
+    seen = force[weight > 0]
+    total = np.sum((seen - seen.mean(axis=0)) ** 2)
+
+    def left(inside: np.ndarray) -> float:
+        return float(sum(np.sum((part - part.mean(axis=0)) ** 2) for part in (seen[inside], seen[~inside])))
+
+    number = np.arange(22)
+    best = min(left((number >= first) & (number < last)) for first in range(22) for last in range(first + 1, 23)
+               if last - first < 22)
+    assert plateau_share(Bins(np.arange(24.0), force, weight, 1.0)) == pytest.approx(1 - best / total, rel=1e-9)

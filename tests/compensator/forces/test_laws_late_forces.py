@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compensator.forces.late_forces import _cuts_of
+from compensator.forces.late_forces import _cuts_of, said_of_delay
 
 # Air to 1 m of path, a cut to the end; 0.1 m/s, a sample every 10 ms.
 PROGRAM: Any = SimpleNamespace(length=np.array([0.0, 1.0, 50.0]), air=np.array([True, True, False]))
@@ -43,3 +43,11 @@ def test_what_lies_behind_the_last_target_is_its_move_s() -> None:
     assert found is not None
     assert all_of_it is not None
     np.testing.assert_array_equal(found.weight, all_of_it.weight)
+
+
+@pytest.mark.parametrize("other", [{"key": "target"}, {"time": None}, {"spread": np.ones(3)}, {"predicted": np.ones(3)}])
+def test_only_measured_forces_by_length_and_with_time_are_asked(other: dict[str, Any]) -> None:
+    """Forces that were predicted, or means of several logs, have no clock: nothing of them is looked at."""
+    log: Any = SimpleNamespace(**({"key": "path_mm", "time": np.arange(3.0), "spread": None, "predicted": None} | other))
+    path: Any = None
+    assert said_of_delay(log, path) == []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator.forces.map_matching import _Walk, match_forwards
+from compensator.forces.map_matching import _project_between, _Walk, match_forwards
 from compensator.forces.path_segments import Segments
 from compensator.path.arc_length import arc_length, nearest_target, polyline
 from compensator.toolpath import Move
@@ -232,3 +232,14 @@ def test_what_boxes_find_near_a_point_is_what_lies_near() -> None:
             assert set(near[(near >= first) & (near < last)]) <= set(found.tolist())
             assert np.all((found >= first) & (found < last))
             assert np.all(off[found] <= 2e-2 + np.linalg.norm(vector[found], axis=1))
+
+
+@pytest.mark.parametrize("off", [-2.3, -1.8, -0.6, 0.0, 0.7, 1.9])
+def test_between_two_keys_a_sample_is_found_two_segments_off_its_share_of_time(off: float) -> None:
+    """Segments of 1 mm, keys at both ends of 20 mm; the tool is behind or ahead of an even speed by so many millimetres."""
+    along = 1e-3 * np.arange(41)
+    points = np.column_stack([along, 0 * along, 0 * along])
+    place = 1e-3 * (np.arange(21) + off + 0.3)[4:17]
+    samples = np.column_stack([place, np.full(13, 0.2e-3), 0 * place])
+    found = _project_between(Segments(points, along), samples, 4, np.array([0, 20]), np.array([0.0, 20e-3]))
+    assert found == pytest.approx(place, abs=1e-9)

@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from time import process_time
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
-from compensator.forces.payload import estimate_payload, interval_factor, turns
+from compensator.forces.payload import Payload, estimate_payload, interval_factor, turns
 from compensator.forces.placement import place_forces, read_force_log
 from compensator.forces.tare import SAME, _groups
+from compensator.forces.zero import _estimated
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from compstiff.cli.main import compstiff
@@ -342,3 +345,13 @@ def test_the_time_for_orientations_grows_with_the_rows(per_row: float) -> None:
         return min(times)
 
     assert seconds(80_000) < 25 * seconds(10_000) + 0.02
+
+
+@pytest.mark.parametrize(("mass", "std", "code"), [(-4.0, 0.3, "CS3042"), (-0.1, 0.3, "CS3043"), (0.2, 0.3, "CS3043")])
+def test_stretches_of_air_that_hold_no_weight_say_so(mass: float, std: float, code: str) -> None:
+    payload: Any = Payload(np.zeros(6), np.zeros(6), mass, std, None, None, 5, 0, 1.0, 1.0, np.ones(2))
+    log: Any = SimpleNamespace(source="log.csv")
+    air: Any = None
+    said = _estimated(payload, air, log)
+    assert (said.code, said.file) == (code, "log.csv")
+    assert said.message.startswith(f"payload {mass:.2f} +- ")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from compensator.forces.placement import TargetForces, place_forces, read_force_log
-from compensator.forces.two_logs import compared
+from compensator.forces.two_logs import _more, compared
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from identification.common.findings import CompstiffError, Refused
@@ -151,3 +151,16 @@ def test_one_log_twice_is_an_error(path: RobotPath, tmp_path: Path) -> None:
     first, _ = two(path, tmp_path, 1)
     with pytest.raises(CompstiffError, match="CS3118"):
         compared(first, first, path)
+
+
+def test_a_constant_besides_is_that_of_least_squares() -> None:
+    """One factor for all axes and a constant for each, against SciPy's general solver; forces of one sign alone say no more."""
+    rng = np.random.default_rng(40)
+    a = rng.normal([40, -150, 20], 90, (COUNT, 3))
+    b = 0.8 * a + rng.normal([12, 70, -33], 5, (COUNT, 3))
+    columns = np.column_stack([a.ravel(), np.tile(np.eye(3), (COUNT, 1))])
+    solution = np.linalg.lstsq(columns, b.ravel(), rcond=None)[0]
+    found = _more(a, b)
+    assert found.left == pytest.approx(np.sum((b.ravel() - columns @ solution) ** 2) / np.sum(b**2), rel=1e-9)
+    assert found.text.startswith("a constant of " + " ".join(f"{x:.0f}" for x in solution[1:]) + " N")
+    assert _more(a, -b).left == np.inf

@@ -3,18 +3,30 @@ chance. No robot: rows with made-up slopes."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy import sparse, special, stats
 
+from compensator.correction.settings import Estimate
 from compensator.learned.learned import CHUNK, DRIFT, SETUP, JobFrame, Learned, Rest
 from compensator.learned.remainder import POSTURE, Remainder, spread_out
-from compensator.learning.chance import FALSE_RATE, chance_of_remainder
+from compensator.learning import fitted_part
+from compensator.learning import sizes as of_sizes
+from compensator.learning.causes import Asked
+from compensator.learning.chance import FALSE_RATE, _ratio, chance_of_remainder
+from compensator.learning.fitted_part import _seen_of_the_job
 from compensator.learning.held_out import held_out
+from compensator.learning.learn import _parts
+from compensator.learning.pages import _along, _verdict
+from compensator.learning.path_places import _nearest
 from compensator.learning.posterior import posterior
-from compensator.learning.rows import Rows
+from compensator.learning.rows import Rows, slope_along
+from compensator.learning.shifted import said_of_shift
 from compensator.learning.sizes import (
     SHARED_LENGTH,
     Sizes,
@@ -238,6 +250,40 @@ def test_the_evidence_is_the_normal_density_and_its_slope_that_of_it(amplitude: 
     assert slope == pytest.approx(differences, rel=1e-4)
 
 
+@pytest.mark.parametrize("length", [None, 0.1])
+def test_the_likeliest_sizes_are_where_likelihood_and_prior_together_are_largest(length: float | None) -> None:
+    """By SciPy's density and log-normal priors about the usual sizes; lengths are compared by its value."""
+    rng = np.random.default_rng(15)
+    given = terms(rng, places=14)
+    given = replace(given, rows=replace(given.rows, steep=np.linspace(0.0, 8e-3, len(given.rows))))
+    given = replace(given, residual=drawn(given, Sizes(2.5, 6e-6, 1e-3), rng, 1)[0][:, 0] + 20e-6 * np.sin(
+        given.rows.length[given.rows.place] / 0.03))
+    known = given.physical @ given.physical_prior @ given.physical.T
+    priors = [of_sizes.NOISE, of_sizes.SHARED, of_sizes.SMEAR]
+    alone = without_remainder(given)
+    found = alone if length is None else with_remainder(given, alone, length)
+    at = [found.noise, found.shared, found.smear]
+    of_length = 0.0
+    if length is not None:
+        _, slopes = given.remainder(length)
+        free = slopes @ given.free(slopes)
+        priors, at = [*priors, of_sizes.AMPLITUDE], [*at, found.amplitude]
+        of_length = -0.5 * (np.log(length / of_sizes.LENGTH[0]) / of_sizes.LENGTH[1]) ** 2
+
+    def wanted(values: list[float]) -> float:
+        covariance = known + noise_covariance(given, Sizes(*values[:3]))
+        if length is not None:
+            covariance = covariance + values[3] ** 2 * free @ free.T
+        value = stats.multivariate_normal(np.zeros(len(given.rows)), covariance).logpdf(given.residual) + of_length
+        return float(value - sum(0.5 * (np.log(one / median) / width) ** 2
+                                 for one, (median, width) in zip(values, priors, strict=True)))
+
+    assert found.evidence == pytest.approx(wanted(at), abs=1e-5)
+    for k in range(len(at)):
+        for factor in (0.97, 1.03):
+            assert wanted([one * factor if k == j else one for j, one in enumerate(at)]) < found.evidence
+
+
 def test_what_is_stated_of_the_springs_holds() -> None:
     """Over parts of the model itself, the error of all springs in the metric of their covariance is chi-square."""
     rng = np.random.default_rng(6)
@@ -366,3 +412,152 @@ def test_what_springs_and_an_untold_direction_share_is_not_taken_away_twice() ->
     known = covariance[np.ix_(kept, kept)] - np.outer(covariance[kept, -4], covariance[-4, kept]) / covariance[-4, -4]
     assert np.allclose(whole - unseen[0], slopes[:, kept] @ known @ slopes[:, kept].T, rtol=0, atol=1e-6 * amplitude**2)
     assert np.linalg.eigvalsh(whole - unseen[0]).min() > 0
+
+
+def test_the_ratio_of_chance_is_that_of_two_normal_densities() -> None:
+    """Rows of unit noise, with slopes of normal weights or without: the best amplitude that is tried, none is as good."""
+    rng = np.random.default_rng(17)
+    slopes, rows = 3e4 * rng.standard_normal((12, 4)), 1.5 * rng.standard_normal((12, 5))
+    plain = stats.multivariate_normal(np.zeros(12), np.eye(12)).logpdf(rows.T)
+    with_slopes = [stats.multivariate_normal(np.zeros(12), np.eye(12) + (size * slopes) @ (size * slopes).T).logpdf(rows.T)
+                   for size in np.geomspace(1e-6, 5e-4, 28)]
+    assert _ratio(slopes, rows) == pytest.approx(np.maximum(2 * (np.max(with_slopes, axis=0) - plain), 0.0), abs=1e-9)
+
+
+def test_what_chance_never_shows_is_less_likely_than_one_draw_of_a_thousand() -> None:
+    """The least that 999 draws can tell."""
+    rng = np.random.default_rng(18)
+    given = terms(rng, places=20)
+    bent = 3e-3 * np.sin(given.rows.length[given.rows.place] / 0.02 + np.argmax(given.rows.direction, axis=1))
+    assert chance_of_remainder(replace(given, residual=given.residual + bent), NOISE)[0] == 1 / 1000
+
+
+@pytest.mark.parametrize(("shift", "warms"), [(0.0, 0.0), (60e-6, 0.0), (0.0, 90e-6)])
+def test_set_up_and_drift_are_there_where_chance_shows_no_as_much(shift: float, warms: float) -> None:
+    """A shift of 60 um along x, a drift of 90 um along y, over points that show both to some um; else neither is learned."""
+    rng = np.random.default_rng(19)
+    given = terms(rng, springs=1)
+    truth = np.zeros(SETUP + DRIFT)
+    truth[0], truth[SETUP + 1] = shift, warms
+    given = replace(given, residual=given.residual + given.of_job @ truth)
+    job = _seen_of_the_job(given, NOISE).job
+    assert np.any(job[:SETUP, :SETUP]) == (shift > 0)
+    assert np.any(job[SETUP:, SETUP:]) == (warms > 0)
+
+
+def test_each_part_of_what_was_learned_is_its_own_columns() -> None:
+    """Set-up, drift and remainder by their own parameters; springs and what is left are the rest of what was measured."""
+    rng = np.random.default_rng(20)
+    given = terms(rng)
+    found = posterior(given, Sizes(1.0, 2e-6, 0.0, 15e-6, 0.1))
+    found = replace(found, mean=rng.standard_normal(len(found.mean)) * 1e-5)
+    measured, predicted = 1e-4 * rng.standard_normal((2, len(given.rows)))
+    parts = _parts(given, found, measured, predicted)
+    springs, job = found.mean[:6], found.mean[6:15]
+    assert np.allclose(parts["setup"], given.of_job[:, :SETUP] @ job[:SETUP])
+    assert np.allclose(parts["drift"], given.of_job[:, SETUP:] @ job[SETUP:])
+    basis = found.remainder.basis(given.rows.position, given.rows.posture)[given.rows.place]
+    weights = found.mean[15:].reshape(-1, 3)[:, np.argmax(given.rows.direction, axis=1)].T
+    assert np.allclose(parts["remainder"], np.sum(basis * weights, axis=1))
+    explained = given.by_x @ springs + parts["setup"] + parts["drift"] + parts["remainder"]
+    assert np.allclose(parts["left"], given.residual - explained)
+    assert np.allclose(sum(parts.values()), measured)
+
+
+@pytest.mark.parametrize("shift", [-4.0, 0.0, 1.0, 6.5])
+def test_points_that_belong_farther_along_are_told_by_how_far(shift: float) -> None:
+    """A wave of 90 mm with 3 um of noise, rows that were shifted by so many millimetres; under 1.5 mm nothing is said."""
+    rng = np.random.default_rng(21)
+    length = np.linspace(0.0, 0.3, 151)
+    wave = 80e-6 * np.sin(2 * np.pi * length / 0.09)
+    job = SimpleNamespace(path=SimpleNamespace(length=length), targets=np.arange(151),
+                          prediction=SimpleNamespace(position=np.column_stack([wave, 0 * wave, 0 * wave])))
+    rows = SimpleNamespace(sigma=np.full(151, 3e-6), seen=lambda field: field[:, :1])
+    measured = 1.3 * 80e-6 * np.sin(2 * np.pi * (length + 1e-3 * shift) / 0.09) + rng.normal(0, 3e-6, 151)
+    told = said_of_shift(rows, measured, job, "points.csv")
+    assert len(told) == (abs(shift) > 1.5)
+    if told:
+        way, by = ("farther" if shift > 0 else "less far"), float(re.search(r"predicted ([\d.]+) mm", told[0].message)[1])
+        assert f"mm {way} along the path" in told[0].message
+        assert abs(by - abs(shift)) <= 0.5
+
+
+def test_no_point_is_shifted_on_one_target_or_none() -> None:
+    for count in (0, 1):
+        job = SimpleNamespace(path=SimpleNamespace(length=np.zeros(count)), targets=np.arange(count),
+                              prediction=SimpleNamespace(position=np.full((count, 3), 1e-4)))
+        rows = SimpleNamespace(sigma=np.full(3, 3e-6), seen=lambda field: np.repeat(field[:1, :1], 3, axis=0))
+        assert said_of_shift(rows, np.array([1e-4, -1e-4, 3e-4]), job, "points.csv") == []
+
+
+def test_the_deviation_is_as_steep_as_the_steeper_side() -> None:
+    """Per metre of path, by component; targets nearer than 0.1 mm count as that far apart."""
+    job = SimpleNamespace(path=SimpleNamespace(length=np.array([0.0, 9.0, 9.01, 9.03, 9.03001])), targets=np.arange(1, 5))
+    moved = 1e-6 * np.array([[10, 0, 5], [40, 0, -15], [20, 8, -15], [20, 8, -14]])
+    steep = slope_along(job, moved)
+    assert steep == pytest.approx(1e-6 * np.array([[3000, 0, 2000], [3000, 400, 2000], [1000, 400, 1e4], [0, 0, 1e4]]))
+    assert not slope_along(SimpleNamespace(path=job.path, targets=np.array([2])), moved[:1]).any()
+
+
+def test_a_point_between_two_walls_is_as_near_to_either() -> None:
+    """Two walls 6 mm apart and 200 mm of path from one to the other: what stands halfway could be of both, first or last."""
+    along = np.concatenate([np.arange(0, 0.1, 1e-3), 0.2 + np.arange(0, 0.1, 1e-3)])
+    position = np.column_stack([along % 0.2, np.where(along < 0.15, 0.0, 6e-3), 0 * along])
+    sought = np.array([[0.05, 3e-3, 0.0], [0.05, 1e-3, 0.0], [0.02, 5.5e-3, 0.0], [0.03, 3e-3, 0.0]])
+    distance, where, ambiguous = _nearest(sought, position, along)
+    assert distance == pytest.approx([3e-3, 1e-3, 0.5e-3, 3e-3])
+    assert where[1:3] == pytest.approx([0.05, 0.22])
+    assert ambiguous.tolist() == [True, False, False, True]
+
+
+def test_the_verdict_on_causes_says_what_was_asked() -> None:
+    rows: Any = None
+    named: Any = SimpleNamespace(verdict="named")
+    assert Asked(None, rows).verdict == "not asked"
+    assert Asked(named, rows).verdict == "named"
+    assert Asked(named, rows, withdrawn="it made stretches left out worse").verdict == "unknown"
+
+
+def test_a_part_is_drawn_along_the_path_with_gaps_where_nothing_was_measured() -> None:
+    """Sizes of two numbers a place in micrometres, in the order of the path; no line over 40 mm among steps of 4 mm."""
+    length = np.array([0.0, 4e-3, 60e-3, 8e-3, 64e-3])
+    rows = SimpleNamespace(length=length, place=np.repeat(np.arange(5), 2))
+    size = 1e-6 * np.array([10.0, 20, 30, 40, 50])
+    values = np.column_stack([0.6 * size, 0.8 * size]).ravel()
+    names = ("predicted", "springs", "setup", "drift", "remainder", "left")
+    learning = SimpleNamespace(terms=SimpleNamespace(rows=rows), measured=values, parts=dict.fromkeys(names, 0.5 * values))
+    lines = _along(learning).panels[0].series
+    assert lines[0].x == pytest.approx([0, 4, 8, np.nan, 60, 64], nan_ok=True)
+    assert lines[0].y == pytest.approx([10, 20, 40, np.nan, 30, 50], nan_ok=True)
+    assert lines[1].y == pytest.approx([5, 10, 20, np.nan, 15, 25], nan_ok=True)
+
+
+@pytest.mark.parametrize(("known", "learned", "words"), [
+    (40.0, 20.0, "LEARNED"), (40.0, 33.0, "LEARNED LITTLE"), (40.0, 40.0, "NOTHING GAINED"),
+    (None, None, "LEARNED, NOT TESTED")])
+def test_the_page_says_what_was_gained_where_it_was_left_out(known: float | None, learned: float | None, words: str) -> None:
+    tried = None if known is None else {"known_um": known, "learned_um": learned}
+    learning = SimpleNamespace(findings=(), as_dict=lambda: {"measured_um": 50.0, "gone": {"springs": 0.3, "setup": 0.7},
+                                                             "held_out": tried})
+    assert _verdict(learning).word == words
+
+
+def test_the_measured_is_compared_with_the_predicted_of_the_moving_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that gives way 1.25 times as much as at rest is expected to leave 1.25 times as much."""
+    asked: list[np.ndarray] = []
+
+    def refuse(terms: object, noise: object, expected: np.ndarray, source: str) -> None:
+        asked.append(expected)
+        raise StopIteration
+
+    monkeypatch.setattr(fitted_part, "frame_of", lambda *of: None)
+    monkeypatch.setattr(fitted_part, "_linearised", lambda *of: lambda x, job: None)
+    monkeypatch.setattr(fitted_part, "without_remainder", lambda *of: None)
+    monkeypatch.setattr(fitted_part, "refuse_wrong_factor", refuse)
+    rows: Any = SimpleNamespace(seen=lambda moved: moved @ np.array([[1.0], [0.0], [2.0]]))
+    moved = 1e-6 * np.array([[40.0, 7.0, -5.0], [10.0, 0.0, 15.0]])
+    predicted: Any = SimpleNamespace(prediction=SimpleNamespace(position=moved))
+    believed: Any = SimpleNamespace(mean=np.zeros(6), start=None)
+    with pytest.raises(StopIteration):
+        fitted_part.fitted_part(rows, predicted, np.zeros((2, 3)), believed, Estimate(1.25, 0.1), "points.csv")
+    assert asked[0] == pytest.approx(1.25e-6 * np.array([30.0, 40.0]))

@@ -8,12 +8,12 @@ import pytest
 
 from compensator.modbus import registers as at
 from compensator.modbus.link import Address, Link
-from compensator.modbus.offset_file import Offsets, tables_of
+from compensator.modbus.offset_file import Offsets, check_offsets, tables_of
 from compensator.modbus.registers import Robot
 from compensator.modbus.server import Loopback
 from compensator.modbus.windows import push_windows
 from compensator.modbus.wire import split
-from identification.common.findings import Unconfirmed
+from identification.common.findings import Refused, Unconfirmed
 from tests.compensator.modbus import tables_and_devices as kit
 
 ROWS, WINDOW = 250, 100
@@ -111,3 +111,13 @@ def test_windows_of_equal_rows_are_told_apart():
 class _nothing:
     def __enter__(self) -> None: ...
     def __exit__(self, *_: object) -> None: ...
+
+
+@pytest.mark.parametrize("metres", [0.03277, -4e3, 1e16, -1e40])
+def test_what_no_register_holds_is_refused_however_large(metres: float):
+    """Beyond the integers too, where a cast makes any number of it; whatever limit the cell states."""
+    offset = np.zeros((3, 3))
+    offset[1, 2] = metres
+    with pytest.raises(Refused) as stopped:
+        check_offsets(Offsets("offsets.csv", 5, offset, np.full(3, np.nan), np.arange(2, 5), ()), np.inf)
+    assert [(finding.code, finding.target) for finding in stopped.value.findings] == [("CS5004", 6)]

@@ -146,3 +146,25 @@ def test_routines_that_call_each_other_twice_forty_times_over_end(last: str) -> 
     """2 to the power of 40 calls: the order is followed no further than people would."""
     run = runs(**{f"r{k}": f"r{k + 1}; r{k + 1};" for k in range(40)}, r40=last)
     assert (run.times > 1).all()
+
+
+@pytest.mark.parametrize("deep", [3, 40, 1200])
+def test_loops_within_loops_are_driven_as_one(deep: int) -> None:
+    """Each move twice or more; three loops are followed turn by turn, of more the order is open: forty had taken all memory
+    there is, thousands had ended as a defect."""
+    loops = "".join(f"FOR i{k} FROM 1 TO 2 DO\n" + "m; " * (k % 500 == 0) for k in range(deep))
+    run = runs(main=f"{loops} m; {'ENDFOR ' * deep} m;")
+    inside = sum(k % 500 == 0 for k in range(deep)) + 1
+    assert (len(run.ways) == 1) is (deep == 3)
+    assert (run.times[:inside] > 1).all()
+    assert run.times[inside:].tolist() == [1]
+    assert len(run.driven) < 200_000
+
+
+def test_calls_within_calls_are_followed_as_far_as_a_controller_would() -> None:
+    """A chain of routines, each with a move of its own: a hundred are followed, three thousand are not, and it is not sure."""
+    for deep, sure in ((100, True), (3000, False)):
+        chain = {f"r{k}": f"m; r{k + 1};" for k in range(deep)} | {f"r{deep}": "m;"}
+        run = runs(main="r0;", **chain)
+        assert (len(run.ways) == 1) == sure
+        assert run.times[:100].tolist() == [1] * 100

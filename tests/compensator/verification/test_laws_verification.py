@@ -84,6 +84,12 @@ def test_a_unit_that_the_sigma_has_too_is_told(tmp_path: Path, seed: int) -> Non
         read_readings(written(1e-3, 2.0), cell)
     with pytest.raises(CompstiffError, match="CS6036"):
         read_readings(written(1e6, sigma), cell)
+    lines = written(1.0, sigma).read_text().splitlines()
+    lines[3] = f"2,{','.join(f'{x:.9g}' for x in rows[2])},{sigma:.9g},1e-160,{sigma:.9g}"
+    file.write_text("\n".join(lines) + "\n")
+    with pytest.raises(CompstiffError, match="CS6036") as stopped:
+        read_readings(file, cell)
+    assert stopped.value.findings[0].line == 4
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])

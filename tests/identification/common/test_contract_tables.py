@@ -126,3 +126,47 @@ def test_a_complaint_about_the_header_names_the_line_it_stands_on(tmp_path):
         found = stopped.value.findings[0]
         assert (found.code, found.line) == ("CS0202", 3)
         assert words in found.message
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize(("rows", "line", "cells"), [
+    (["0,1,2,3,4,5", "1,1,2,3", "2,1,2,3,4"], 7, 6),      # the short one was filled up, both were read
+    (["0,1,2,3", "1,1,2,3,4,5", "2,1,2,3,4"], 7, 4),
+    (["0,1", "1,1,2,3,4,5", "2,1,2,3,4,5,6"], 7, 2),      # the first row has no third column
+    (["0,1,2,3,4", "1,1,2,3,4,5", "2,1,2,3"], 8, 6)])
+def test_rows_of_other_widths_are_named_though_their_cells_are_as_many(
+    separator: str, rows: list[str], line: int, cells: int,
+) -> None:
+    """As many separators in all as rows of five columns have; the fifth is not asked for."""
+    layout = Layout(separator, ("s", "fx", "fy", "fz", "note"), 0, 7, 1, 0, 3)
+    block = "".join(f"{row}\n" for row in rows).replace(",", separator).encode()
+    with pytest.raises(CompstiffError) as stopped:
+        parse_block(block, "log.csv", layout, ("s", "fx", "fy", "fz"), 7, 3)
+    finding, = stopped.value.findings
+    assert (finding.code, finding.line) == ("CS0201", line)
+    assert finding.message.startswith(f"{cells} cells where")
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize(("rows", "line", "cells"), [
+    (['"A",1,2,', '"B",3,4,'], 2, 4), (['"A",1,2,9', '"B",3,4,9'], 2, 4), (["A,1,2,9", '"B",3,4'], 2, 4),
+    (['"A",1,2', "B,3"], 3, 2), (['"A",1,2', '"B",3,4,5'], 3, 4), (['"A, or ""B""",1,2', "C,3,4,"], 3, 4)])
+def test_a_quote_somewhere_moves_no_cell_to_another_column(
+    tmp_path: Path, separator: str, rows: list[str], line: int, cells: int,
+) -> None:
+    """With one cell more in each row than in the header the first of them had been lost, and all others read one column on."""
+    file = tmp_path / "t.csv"
+    file.write_text("\n".join(["pose,a,b", *rows]).replace(",", separator) + "\n")
+    with pytest.raises(CompstiffError) as stopped:
+        read_table(file, required=("a", "b"), texts=("pose",), may_be_empty=("b",))
+    finding, = stopped.value.findings
+    assert (finding.code, finding.line) == ("CS0201", line)
+    assert finding.message.startswith(f"{cells} cells where the header names 3 columns")
+
+
+def test_a_separator_within_quotes_is_none(tmp_path: Path) -> None:
+    file = tmp_path / "t.csv"
+    file.write_text('pose,a,b,\n"A, or ""B""",1,2,\n "C",3,,\n')
+    table = read_table(file, required=("a", "b"), texts=("pose",), may_be_empty=("b",))
+    assert table.texts["pose"].tolist() == ['A, or "B"', "C"]
+    assert table.numbers["a"].tolist() == [1, 3]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from identification.design.information import instrument
 from identification.design.loads import slot
 from identification.design.request import measured_place
 from identification.design.task import Task, free_demand
+from identification.diagnosis import discrimination as between_rivals
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.discrimination import candidate_rows, discriminating, separation
 from identification.measurements import read_measurements
@@ -51,6 +53,63 @@ def hard(tmp_path_factory):
     cell, rows, found = diagnosed(case, folder)
     (folder / "diagnosis.json").write_text(json.dumps(found.as_dict()))
     return folder, cell, rows, found
+
+
+def test_rivals_are_as_far_apart_as_their_predictions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two linear models of five visits: the distance of what each lets expect of a visit's readings, in the readings' noise and
+    the mean of what the two posteriors leave unsure of them (Bhattacharyya); written with the full covariance."""
+    rng = np.random.default_rng(9)
+    visits, rows, noise = 5, 2, 3e-6
+    readings = 40e-6 * rng.standard_normal((2, visits * rows, 3))
+    slopes = [30e-6 * rng.standard_normal((visits * rows, 3, size)) for size in (6, 8)]
+    roots = [0.2 * rng.standard_normal((size, size)) for size in (6, 8)]
+    covariances = [root @ root.T + 0.01 * np.eye(len(root)) for root in roots]
+    data = SimpleNamespace(with_rows=lambda trial: None)
+    whitening = np.broadcast_to(np.eye(3) / noise, (visits * rows, 3, 3))
+    kind = SimpleNamespace(whitening=whitening, weights=lambda components: SimpleNamespace(
+        apply=lambda columns: columns.reshape(3 * visits * rows, -1)))
+    models = [SimpleNamespace(data=data, compliance=None, components=None, covariance=covariance, map=k, terms=None)
+              for k, covariance in enumerate(covariances)]
+    monkeypatch.setattr(between_rivals, "noise_model", lambda *of: kind)
+    monkeypatch.setattr(between_rivals, "response", lambda data, k, terms: (readings[k], slopes[k]))
+    trial = SimpleNamespace(visit=np.repeat(np.arange(visits), rows))
+    found = separation(trial, {"one": (models[0], 0.3), "other": (models[1], 0.1)})
+
+    def squared(chosen: list[int]) -> float:
+        mine = np.isin(trial.visit, chosen)
+        apart = (readings[0] - readings[1])[mine].ravel()
+        unsure = [slope[mine].reshape(len(apart), -1) for slope in slopes]
+        covariance = noise**2 * np.eye(len(apart)) + sum(s @ c @ s.T for s, c in zip(unsure, covariances, strict=True)) / 2
+        return float(apart @ np.linalg.solve(covariance, apart))
+
+    assert found.probability == pytest.approx([0.75, 0.25])
+    for chosen in ([0], [3], [1, 2, 4]):
+        assert found.squared(found.of(np.array(chosen)))[0] == pytest.approx(squared(chosen), rel=1e-6)
+        assert found.mistaken(found.of(np.array(chosen))) == pytest.approx(
+            min(1.0, np.sqrt(0.75 * 0.25) * np.exp(-squared(chosen) / 8)), rel=1e-6)
+    assert found.squared(found.grams)[0] == pytest.approx([squared([visit]) for visit in range(visits)], rel=1e-6)
+    assert found.best_pair(3) == (("one", "other"), pytest.approx(np.sqrt(squared([3])), rel=1e-6))
+
+
+def test_what_a_choice_makes_of_the_robot_is_the_largest_difference_of_two(monkeypatch: pytest.MonkeyPatch) -> None:
+    """RMS over the loaded rows of what the springs and the robot's own effects do; what sits in the sensor is none of it."""
+    moved = 1e-6 * np.random.default_rng(2).normal(0, 30, (3, 8, 3))
+    rows = SimpleNamespace(wrench=np.ones((9, 6)), select=lambda kept: None)
+    data = SimpleNamespace(rows=rows, with_rows=lambda kept: "loaded")
+    robot, sensor = (SimpleNamespace(effect=SimpleNamespace(of_robot=own)) for own in (True, False))
+    models = [SimpleNamespace(data=data, log_compliance=np.full(6, float(k)), terms=(sensor, robot),
+                              term_values=[np.array([99.0]), np.array([0.5])]) for k in range(3)]
+    asked = []
+
+    def predicted(data: object, x: np.ndarray, terms: list[object]) -> np.ndarray:
+        asked.append((data, x.tolist(), terms))
+        return moved[int(x[0])]
+
+    monkeypatch.setattr(between_rivals, "predicted_deflection", predicted)
+    found = between_rivals.robot_difference(models)
+    assert asked == [("loaded", [k] * 6 + [0.5], [robot]) for k in (0.0, 1.0, 2.0)]
+    assert found == pytest.approx(max(np.sqrt(np.mean((a - b) ** 2)) for a, b in combinations(moved, 2)))
+    assert between_rivals.robot_difference(models[:1]) == 0.0
 
 
 def test_the_rivals_of_the_file_are_those_of_the_diagnosis(hard):

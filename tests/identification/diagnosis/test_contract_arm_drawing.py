@@ -104,3 +104,11 @@ def test_nothing_to_blame_is_drawn_around_every_joint() -> None:
     rings = {(int(one.get("cx")), int(one.get("cy"))) for one in picture.iter("circle") if "stroke-good" in one.get("class")}
     assert rings == set(JOINTS.values())
     assert "nothing to blame" in picture.get("aria-label")
+
+
+def test_a_link_is_marked_between_its_ends() -> None:
+    """The lower arm between joints 2 and 3, the forearm between joints 3 and 5; the links of an arm at its lower arm."""
+    for joint, (one, other) in {2: (JOINTS[2], JOINTS[3]), 3: (JOINTS[3], JOINTS[5])}.items():
+        [(_, (x, y))] = places([cause("link_bending", joint)])
+        assert abs(x - (one[0] + other[0]) / 2) < 40
+        assert abs(y - (one[1] + other[1]) / 2) < 20

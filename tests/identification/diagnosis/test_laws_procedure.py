@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 from identification.diagnosis import detect, procedure
-from identification.diagnosis.procedure import Procedure
+from identification.diagnosis.pages import _probabilities
+from identification.diagnosis.plan import PlanOutlook
+from identification.diagnosis.procedure import Procedure, beside
+from identification.fit.mistakes.judge import Mistakes
 
 
 @dataclass(frozen=True)
@@ -107,3 +110,45 @@ def test_parts_of_the_noise_that_have_grown_hide_no_cause(
     data: Any = None
     assert Procedure(data, {}, 0.05, 10, 0).explaining(start).fitted == taken
     assert asked == ["as it is", *["ordinary"] * (taken == "quiet")]
+
+
+@dataclass(frozen=True)
+class Named:
+    """A judgement that names a cause, as far as mistakes beside it ask."""
+
+    verdict: str = "named"
+    causes: tuple[str, ...] = ("a cause",)
+    alternatives: tuple[str, ...] = ()
+    mistakes: tuple[Any, ...] = ()
+    companions: tuple[str, ...] = ("a companion",)
+    gain: float | None = 0.3
+    carried: float | None = 1.0
+    withdrawn: dict[str, str] | None = None
+
+
+@pytest.mark.parametrize(("first", "kept"), [(-4.0, None), (-2.0, True), (2.0, True), (4.0, False)])
+def test_causes_stand_beside_mistakes_that_are_about_as_likely(first: float, kept: bool | None) -> None:
+    """Within e^3 of each other both stay open; mistakes that are likelier by more take the causes' place."""
+    mistakes = tuple(SimpleNamespace(candidate=SimpleNamespace(log_posterior=50.0 + by)) for by in (first, first - 1.0))
+    judgement: Any = Named()
+    found = beside(judgement, Mistakes((), mistakes, None), 50.0)
+    if kept is None:
+        assert found is judgement
+    else:
+        assert (found.verdict, found.causes, found.mistakes) == ("ambiguous", (), mistakes)
+        assert found.alternatives == (("a cause",) if kept else ())
+
+
+def test_each_cause_that_is_drawn_has_room_for_its_words() -> None:
+    def height(count: int) -> float:
+        causes = tuple(SimpleNamespace(probability=0.1, sentence=f"cause {k}") for k in range(count))
+        judgement: Any = SimpleNamespace(causes=(), alternatives=causes, verdict="ambiguous", robot_difference=None)
+        [figure] = _probabilities(judgement)
+        return float(figure.panels[0].height)
+
+    assert height(3) - height(2) == height(8) - height(7) >= 20
+
+
+def test_the_file_of_a_plan_says_what_it_is() -> None:
+    found = PlanOutlook((), {"creep": "no times"}, ()).as_dict()
+    assert found == {"format": "compstiff-diagnosis-plan", "version": 1, "effects": [], "not_offered": {"creep": "no times"}}

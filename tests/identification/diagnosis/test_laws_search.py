@@ -6,9 +6,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
+from identification.diagnosis import explained as of_misfit
+from identification.diagnosis import search
+from identification.diagnosis.blocks import _runs
+from identification.diagnosis.dictionary import Dictionary
 from identification.diagnosis.projection import Base
-from identification.diagnosis.search import Hypothesis, _exchanged
+from identification.diagnosis.search import Hypothesis, Survey, _exchanged
 
 
 def test_the_best_set_is_no_exchange_of_itself() -> None:
@@ -30,3 +35,70 @@ def test_what_each_visit_may_do_counts_once_a_visit_that_it_moves() -> None:
     moved[3:7, 0, 1] = 1e-5         # visits 1, 2 and 3
     once = plain.freed(moved, visit)
     assert (once.free, once.freed(moved[:, :, 1:], visit).free) == (6 + 6, 6 + 6 + 3)
+
+
+def test_what_is_unsure_by_one_sigma_adds_its_own_square_to_the_readings() -> None:
+    rng = np.random.default_rng(3)
+    weights: Any = SimpleNamespace(apply=lambda columns: columns)
+    plain = Base(rng.standard_normal((7, 3, 2)), np.zeros((7, 3)), weights, np.diag([4.0, 0.25]), np.zeros(2))
+    columns = rng.standard_normal((7, 3, 4))
+
+    def beside_noise(base: Base) -> np.ndarray:
+        flat = base.design.reshape(21, -1)
+        return np.asarray(flat @ np.linalg.solve(base.precision, flat.T))
+
+    flat = columns.reshape(21, 4)
+    assert np.allclose(beside_noise(plain.unsure_of(columns)), beside_noise(plain) + flat @ flat.T)
+
+
+def test_runs_end_where_any_label_changes() -> None:
+    labels = np.array([["A", "x"], ["A", "x"], ["A", "y"], ["B", "y"], ["B", "y"], ["A", "x"]])
+    assert _runs(labels).tolist() == [0, 0, 1, 2, 2, 3]
+
+
+def test_where_the_gear_rests_anywhere_it_may_turn_round_with_the_load() -> None:
+    """By the sign of the largest force, whatever the small ones do; in its typical size, in the rows that are undecided."""
+    rng = np.random.default_rng(5)
+    wrench = np.array([[300.0, -4, 9, 0, 0, 0], [-300, 8, 2, 0, 0, 0], [7, -2, -250, 0, 0, 0], [1, 0, 80, 0, 0, 0]])
+    state: Any = type("State", (), {"wrench": wrench, "jacobian": rng.standard_normal((4, 6, 6)), "__len__": lambda self: 4})()
+    mask = np.array([True, True, True, False])
+    gear = SimpleNamespace(undecided=lambda state, joint: mask, typical=lambda state, joint: np.array([2e-4]))
+    entries: Any = (SimpleNamespace(effect=gear, joint=3), SimpleNamespace(effect=gear, joint=4))
+    nothing: Any = None
+    found = Dictionary(entries, (), nothing, nothing, nothing, {}).undecided(state, 3)
+    move = 2e-4 * state.jacobian[:, :3, 2] * mask[:, None]
+    assert np.allclose(found[:, :, 0], move)
+    assert np.allclose(found[:, :, 1], move * np.array([1, -1, -1, 1])[:, None])
+    assert Dictionary(entries, (), nothing, nothing, nothing, {}).undecided(state, 2).shape == (4, 3, 0)
+
+
+def test_without_a_weight_the_best_signature_of_the_same_law_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second entry whose signatures begin at 3: 3 and 5 without a weight, 4 and 6 under one."""
+    entries = (SimpleNamespace(signatures=range(3)), SimpleNamespace(signatures=range(3, 7)))
+    dictionary: Any = SimpleNamespace(
+        entries=entries, signatures=[SimpleNamespace(weight=weight) for weight in (0, 0, 0, 0, 40.0, 0, 60.0)],
+        unweighed=lambda entry: [k for k in entry.signatures if k in (0, 1, 2, 3, 5)], of=lambda k: np.zeros((2, 3, 1)),
+        part=lambda entries: None)
+    base: Any = SimpleNamespace(extended=lambda columns: base, weights=None)
+    monkeypatch.setattr(search, "own_grams", lambda *of: None)
+    for evidence, best in (([1.0, 9.0, 2.0, 8.0], 5), ([3.0, 9.0, 2.0, 8.0], 3)):
+        monkeypatch.setattr(search, "scores", lambda *of, known=evidence: SimpleNamespace(evidence=np.array(known)))
+        found = Survey(base, dictionary, base, ()).unweighed(Hypothesis((0, 1), (1, 4), 5.0))
+        assert found is not None
+        assert found.signatures == (1, best)
+    assert Survey(base, dictionary, base, ()).unweighed(Hypothesis((0, 1), (1, 5), 5.0)) is None
+
+
+def test_what_is_explained_is_counted_by_reading_and_spring(monkeypatch: pytest.MonkeyPatch) -> None:
+    """30 readings, of which six springs take six: 72 is three a reading; of the two above one, 48 and 24 leave half and all."""
+    noise = SimpleNamespace(whitening=np.broadcast_to(np.eye(3), (10, 3, 3)), weights=lambda components: SimpleNamespace(
+        inner=lambda left, right: np.einsum("nij,nik->jk", left, right)))
+    monkeypatch.setattr(of_misfit, "noise_model", lambda *of: noise)
+
+    def model(chi2: float) -> Any:
+        return SimpleNamespace(data=None, compliance=None, components=SimpleNamespace(at_most=lambda limit: None), readings=30,
+                               residual=np.full((10, 3), np.sqrt(chi2 / 30)))
+
+    for after, share in ((48.0, 0.5), (20.0, 1.0), (72.0, 0.0)):
+        found = of_misfit.explained(model(72.0), model(after))
+        assert (found.excess, found.share) == (pytest.approx(3.0), pytest.approx(share))

@@ -35,3 +35,11 @@ def test_a_slip_is_told_that_is_likely_and_fits(
     assert [mend.what for mend in found] == [f"slip {k}" for k in told]
     chance = np.exp(np.array([*weight, 0.0]))
     assert [mend.probability for mend in found] == pytest.approx(list((chance / chance.sum())[told]))
+
+
+def test_a_response_off_in_any_way_is_as_likely_as_its_parts_are_on_average() -> None:
+    """Off by 3 %, by 10 %, or by half of itself: a third each, by the likelihoods themselves."""
+    likely = {0.03: 2e-3, 0.1: 0.5, 0.5: 0.04}
+    visit: Any = SimpleNamespace(_rows=SimpleNamespace(theta=np.zeros((4, 6))), _loads=None, _own=None,
+                                 _against=lambda theta, loads, own, part: (np.log([likely[part]]), np.zeros(1)))
+    assert mending._Visit.anything(visit) == pytest.approx(np.log((2e-3 + 0.5 + 0.04) / 3))

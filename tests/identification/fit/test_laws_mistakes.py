@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from identification.fit.load_test import LoadTest
-from identification.fit.mistakes import judge, readings
+from identification.fit.mistakes import judge, readings, units
 from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
 from identification.fit.mistakes.first_look import first_look
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.judge import Mistakes, common_factor_findings, mistakes_in
-from identification.fit.mistakes.look import Guess, Look, of_alike
+from identification.fit.mistakes.look import Guess, Look, _two_robots, of_alike
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
@@ -32,7 +32,7 @@ from identification.fit.noise import USUAL_FORCE_N
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
-from tests.runs.mistakes.planted import MISTAKES, Files, right, two_robots
+from tests.runs.mistakes.planted import MISTAKES, Files, right
 
 
 def _read(files: Files, folder: Path) -> LoadTest:
@@ -184,11 +184,10 @@ def test_a_zero_of_one_reference_is_not_taken_off(tmp_path: Path) -> None:
 def test_two_robots_stand_beside_whatever_may_be_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A zero that is off, in a misfit that is not gross: the rows of two robots are no name there, but a rival. Were they
     likelier, nothing would be named."""
-    part = _read(two_robots(11, "irb6700-200-2.60"), tmp_path)
     off = _read(MISTAKES["joint zero 2 deg"](right(4, "irb4400-60"), np.random.default_rng([4, 3]))[0], tmp_path)
-    guess = replace(search(posterior(part)).apart[0], rows=np.arange(len(off.rows)) < len(off.rows) // 2)
     plain = posterior(off)
     found = search(plain)
+    guess = Guess(_two_robots(), np.arange(len(off.rows)) < len(off.rows) // 2, 0.0, 0.0, split=True)
 
     def possible(log_prior: float) -> list[str]:
         monkeypatch.setattr(judge, "search", lambda _: replace(found, apart=(replace(guess, log_prior=log_prior),)))
@@ -221,8 +220,9 @@ def test_a_factor_is_a_unit_where_robots_do_not_differ_by_as_much(data: LoadTest
     mistake, probability = unit_mistake(of(4.44822, 0.5))
     assert "in lbf" in mistake.sentence
     assert probability > 0.95
-    assert unit_mistake(of(4.44822, 3.0)) is None
-    (finding,) = common_factor_findings(of(4.44822, 3.0))
+    wide = of(4.44822, 3.0)
+    assert unit_mistake(wide) is None
+    (finding,) = common_factor_findings(wide)
     assert "softer than the prior's medians, as they would with forces in lbf" in finding.message
     mistake, probability = unit_mistake(of(9.80665, 3.0))
     assert "in kgf" in mistake.sentence
@@ -358,3 +358,40 @@ def test_a_force_error_moves_the_reading_by_its_share_of_the_force(data: LoadTes
     large = np.linalg.norm(1e4 * np.nan_to_num(moved), axis=1) > could
     assert large.mean() > 0.5
     assert_allclose(far.variance[large], sensor[large] + share * could[large] ** 2, rtol=1e-12)
+
+
+def test_what_a_mistake_explains_is_the_misfit_that_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two models of 30 and 20 readings: of 150 above the noise 60 are left; all is explained a tenth above the noise, as by
+    readings with tails as heavy as these."""
+    models = [SimpleNamespace(components=SimpleNamespace(degrees=np.inf), readings=count) for count in (30, 20)]
+    plain: Any = SimpleNamespace()
+    candidate: Any = SimpleNamespace(models=models)
+    monkeypatch.setattr(judge, "ordinary", lambda model: None)
+
+    def share(left: float) -> float:
+        monkeypatch.setattr(judge, "_chi2", lambda fitted, mended, usual: mended.readings * (4.0 if fitted is plain else left))
+        return judge._explained(plain, candidate)
+
+    assert share(2.2) == pytest.approx(1 - 60 / 150)
+    assert share(4.0) == pytest.approx(0.0)
+    assert share(1.09) == 1.0
+    for model in models:
+        model.components.degrees = 8.0
+    assert share(2.2) == pytest.approx(1 - (2.2 / (8 / 6) - 1) / (4.0 / (8 / 6) - 1))
+
+
+def test_a_mistake_of_a_size_may_be_of_either_sign() -> None:
+    for size in SIZES:
+        assert all(one.low == -one.high < 0 < one.typical < one.high for one in size.parameters)
+
+
+def test_a_unit_belongs_to_its_own_columns(data: LoadTest) -> None:
+    """A force in kilograms leaves the readings as they are, and their sigma goes with the readings."""
+    rows = replace(data.rows, sigma=np.full_like(data.rows.deflection, 2e-6))
+    force, reading = (units._scaled(quantity, by)(data.with_rows(rows))
+                      for quantity, by in (("force", 9.8), ("deflection", 1e-3)))
+    assert list(force) == ["wrench"]
+    assert np.array_equal(force["wrench"], 9.8 * rows.wrench)
+    assert sorted(reading) == ["deflection", "sigma"]
+    np.testing.assert_allclose(reading["deflection"], 1e-3 * rows.deflection)
+    np.testing.assert_allclose(reading["sigma"], 2e-9)

@@ -2,19 +2,25 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy import stats
 from scipy.optimize import minimize
 
 from identification.common.findings import CompstiffError
 from identification.fit.fit import fit_stiffness
 from identification.fit.fitted_model import response
-from identification.fit.sag import sag_columns
+from identification.fit.marginal import _log_posterior
+from identification.fit.priors import PriorModel
+from identification.fit.sag import WEIGHT_NM, sag_columns
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
-from identification.model.compliance import equilibrium, regressor
+from identification.model.compliance import deviation, equilibrium, regressor
+from identification.model.kinematics import forward
+from identification.model.load_state import load_state
 from tests.support import measurement_text, random_poses, write_cell
 from tests.virtual_cell.arm import IRB6660
 
@@ -116,6 +122,52 @@ def test_the_likeliest_springs_are_those_with_the_weight_free_beside_them(tmp_pa
 
     assert np.abs(pull(found.map)).max() > 0.2
     assert np.abs(pull(found.likeliest)).max() < 0.01
+
+
+def test_an_unknown_weight_prefers_no_angle_of_the_arm(tmp_path) -> None:
+    """Its gravity torque is a constant and a wave of either phase, of one size each: the covariance of two readings goes with
+    the cosine of the angle between their arms, for the sag (one more for the constant) and for the weight that moves."""
+    cell = read_cell(write_cell(tmp_path, NOISY))
+    rng = np.random.default_rng(31)
+    theta, wrench = random_poses(cell.robot, 5, rng, share=0.6), np.zeros((5, 6))
+    wrench[:, :3] = rng.normal(0, 250, (5, 3))
+    state = load_state(cell.robot, cell.flange_from_tcp, theta, wrench, 1 / TRUE)
+    columns = sag_columns(state, SimpleNamespace(whitened=lambda moved: moved)).reshape(15, 10)
+    wanted = np.zeros((15, 15))
+    for joint in (1, 2):
+        sag, away = WEIGHT_NM / TRUE[joint], np.where(np.arange(6) == joint, 1e-3, 0.0)
+        yields = [deviation(cell.robot, theta + sign * away, cell.flange_from_tcp, wrench, 1 / TRUE)[0] for sign in (1, -1)]
+        hangs = sag * (yields[0] - yields[1]).ravel() / 2e-3
+        tcp = [forward(cell.robot, state.loaded + sign * away, cell.flange_from_tcp).position for sign in (1, -1)]
+        lever = (tcp[0] - tcp[1]) / 2e-3
+        moves = sag * (lever * (np.einsum("nc,nc->n", lever, wrench[:, :3]) / TRUE[joint])[:, None]).ravel()
+        alike = np.repeat(np.repeat(np.cos(theta[:, joint, None] - theta[:, joint]), 3, axis=0), 3, axis=1)
+        wanted += np.outer(hangs, hangs) * (1 + alike) + np.outer(moves, moves) * alike
+    assert np.allclose(columns @ columns.T, wanted, rtol=1e-3, atol=1e-4 * np.diag(wanted).max())
+
+
+def test_the_draws_weigh_by_the_posterior_itself() -> None:
+    """Differences between draws by SciPy's densities: log-normal springs, normal effects, a likelihood Gaussian in c; none
+    beyond a bound."""
+    rng = np.random.default_rng(12)
+    prior = PriorModel(SimpleNamespace(stiffness=TRUE, log_std=np.linspace(0.3, 0.8, 6)), term_mean=np.array([0.2, -1.0]),
+                       term_std=np.array([0.5, 2.0]), term_low=np.array([-3.0, -9.0]), term_high=np.array([3.0, 9.0]))
+    x = np.concatenate([-np.log(TRUE) + 0.1, [0.3, 0.4]])
+    draws = x + 0.2 * rng.standard_normal((40, 8))
+    draws[7, 6] = 3.01
+    root, pull = rng.standard_normal((40, 8, 8)), 3 * rng.standard_normal((40, 8))
+    information = root @ np.swapaxes(root, 1, 2)
+    found = _log_posterior(draws, x, information, pull, prior)
+    step = np.column_stack([np.exp(draws[:, :6]) / np.exp(x[:6]) - 1, draws[:, 6:] - x[6:]])
+    peak = np.linalg.solve(information, pull[:, :, None])[:, :, 0]
+    wanted = np.array([stats.multivariate_normal(peak[k], np.linalg.inv(information[k])).logpdf(step[k])
+                       - stats.multivariate_normal(peak[k], np.linalg.inv(information[k])).logpdf(np.zeros(8))
+                       for k in range(40)])
+    wanted += stats.norm(-np.log(TRUE), prior.prior.log_std).logpdf(draws[:, :6]).sum(axis=1)
+    wanted += stats.norm(prior.term_mean, prior.term_std).logpdf(draws[:, 6:]).sum(axis=1)
+    inside = np.arange(40) != 7
+    assert found[7] == -np.inf
+    assert (found - found[0])[inside] == pytest.approx((wanted - wanted[0])[inside], rel=1e-6, abs=1e-6)
 
 
 def test_coverage_under_the_stated_noise(tmp_path) -> None:

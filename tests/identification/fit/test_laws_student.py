@@ -11,6 +11,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal, multivariate_t
 
 from identification.fit.noise import VarianceComponents
+from identification.fit.own_response import own_response
 from identification.fit.student import DEGREES, log_tails, probability_beyond, tails
 
 THREE = np.eye(3)
@@ -119,3 +120,21 @@ def test_heavy_tails_cost_the_evidence_what_they_cost(degrees: float) -> None:
     cost: Any = log_tails
     assert as_weighed + cost(noise, VarianceComponents(degrees=degrees), nothing_shared, readings) == pytest.approx(
         log_likelihood(readings, degrees, 1.0) - np.log2(100 / min(degrees, 100)))
+
+
+def test_a_visit_s_own_response_weighs_its_rows_by_four_degrees() -> None:
+    """By hand: a mean of six readings, one of them far off and one of two components, each weighed by how far off it is."""
+    rng = np.random.default_rng(30)
+    columns = np.broadcast_to(np.eye(3), (6, 3, 3)).copy()
+    precision = np.broadcast_to(np.eye(3), (6, 3, 3)).copy()
+    precision[4, 2, 2] = 0.0
+    residual = rng.standard_normal((6, 3, 1))
+    residual[2] += 20.0
+    found = own_response(columns, precision, np.full(3, 0.01), residual)
+    off = np.array([[(residual[n, i, 0] - found.coefficients[0, i]) ** 2 * precision[n, i, i] for i in range(3)]
+                    for n in range(6)]).sum(axis=1)
+    readings = np.array([3, 3, 3, 3, 2, 3])
+    assert found.row_weight[0] == pytest.approx(np.minimum(1, (4 + readings) / (4 + off)))
+    assert found.left[0] == pytest.approx(np.sum((4 + readings) * np.log(1 + off / 4)))
+    assert found.row_weight[0, 2] < 0.02
+    assert np.abs(found.coefficients).max() < 1.5

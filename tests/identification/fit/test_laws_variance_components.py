@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from identification.fit.gram import NoiseGram
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel, VarianceComponents
 from identification.fit.posterior import _FittedModel, posterior
-from identification.fit.variance_components import integrated_out
+from identification.fit.variance_components import _slopes, integrated_out, likeliest
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from identification.model.compliance import compliance_matrix, equilibrium, regressor
@@ -198,3 +200,26 @@ def test_data_that_want_no_compliance_at_all_converge(tmp_path, monkeypatch) -> 
         found = posterior(LoadTest.of(cell, replace(rows, deflection=rows.deflection - 1.1 * of_joint_2)))
         assert found.map[1] < -np.log(TRUE[1]) - 1
     assert len(designs) < 60
+
+
+def test_the_likeliest_components_are_the_top_of_their_posterior() -> None:
+    """Slopes and curvature of a posterior that is a parabola in the logarithms, and its top; what is not active stays."""
+    rng = np.random.default_rng(33)
+    active = np.array([True, True, False, True, False, False])
+    root = rng.standard_normal((3, 3))
+    curvature, top = root @ root.T + np.eye(3), np.array([0.4, -0.6, 0.9])
+
+    def parabola(logs: np.ndarray) -> tuple[np.ndarray, None]:
+        off = logs[:, active] - top
+        return -0.5 * np.einsum("ni,ij,nj->n", off, curvature, off), None
+
+    posterior: Any = parabola
+    posterior.noise = SimpleNamespace(active=active)
+    start = VarianceComponents(1.3, 0.8, 1.7, 0.9)
+    free = np.flatnonzero(active)
+    gradient, hessian = _slopes(posterior, start.logs, free)
+    assert gradient == pytest.approx(-curvature @ (start.logs[free] - top), rel=1e-6)
+    assert np.allclose(hessian, curvature, rtol=1e-4)
+    found = likeliest(posterior, start)
+    assert found.logs[free] == pytest.approx(top, abs=0.05)
+    assert found.absolute == start.absolute

@@ -7,19 +7,25 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import stats
 
 from identification.common.findings import CompstiffError
 from identification.diagnosis.diagnose import Diagnosis, diagnose
+from identification.fit import visits
 from identification.fit.fit import Fit, fit_stiffness
 from identification.fit.load_test import LoadTest
+from identification.fit.own_response import LoadColumns
 from identification.fit.posterior import posterior
+from identification.fit.seating import moving_zero
 from identification.fit.slips import slips_of_pen
 from identification.fit.visit_findings import visit_findings
-from identification.fit.visits import bad_visits
+from identification.fit.visits import bad_visits, score_visits
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from tests.virtual_cell.cell import Case, Hidden, simulate
@@ -261,6 +267,50 @@ def test_a_zero_that_moves_between_poses_is_said(offset_um: float, said: bool, t
     case = simulate(71040, "ladder12", noise=replace(SHEET, pose_offset_um=offset_um))
     cell, measurements = read(case, tmp_path)
     assert ("CS1734" in codes(fit_stiffness(cell, measurements))) == said
+
+
+def test_a_visit_s_response_is_that_to_its_forces_whatever_their_moments(tmp_path: Path) -> None:
+    """Loads along one line whose lever differs: the visit has a response along that line, and no further direction."""
+    cell, rows = read(simulate(71040, "ladder12", noise=SHEET), tmp_path)
+    wrench = np.zeros_like(rows.wrench)
+    wrench[:, 2] = np.where(rows.wrench.any(axis=1), np.linalg.norm(rows.wrench[:, :3], axis=1), 0.0)
+    wrench[:, 3:] = np.random.default_rng(1).normal(0, 40, (len(rows), 3))
+    seen: list[int] = []
+
+    def of(force: NDArray[np.float64]) -> LoadColumns:
+        seen.append(force.shape[1])
+        return LoadColumns.of(force)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(visits, "LoadColumns", SimpleNamespace(of=of))
+        data = LoadTest.of(cell, replace(rows, wrench=wrench))
+        score_visits(posterior(data), data, np.random.default_rng(0), 20)
+    assert set(seen) == {3}
+
+
+@pytest.mark.parametrize(("stated", "usual"), [(True, 2.0), (False, 3.0)])
+@pytest.mark.parametrize(("chance", "said"), [(0.06, False), (0.04, True)])
+def test_the_zero_is_said_to_move_where_chance_does_so_in_one_of_twenty(
+    stated: bool, usual: float, chance: float, said: bool,
+) -> None:
+    """By the normal distribution of the logarithm of how far it moves, in units of what was stated, or of what is usual. The
+    visits that are farthest off are told in their order, three at most."""
+    rows: Any = SimpleNamespace(machined_pass=np.full(8, ""), source="m.csv", pose=np.repeat(["A", "B", "", "D"], 2),
+                                line=np.arange(2, 10))
+    noise: Any = SimpleNamespace(visit=np.repeat(np.arange(4), 2), measured=np.ones((8, 3), dtype=bool),
+                                 offset=np.full((4, 3), 4e-6))
+    off = np.array([[0, 9e-6, 12e-6], [2e-6, 0, 0], [0, 0, -40e-6], [20e-6, 0, 0]])
+    width = np.full(9, 0.5)
+    ratio = usual * np.exp(stats.norm.isf(chance) * 0.5)
+    fitted: Any = SimpleNamespace(
+        at_map=SimpleNamespace(noise=noise, residual=None), components=SimpleNamespace(offset=ratio), components_log_std=width,
+        data=SimpleNamespace(rows=rows, cell=SimpleNamespace(noise=SimpleNamespace(offset_stated=stated))),
+        weights=SimpleNamespace(offsets=lambda residual: off))
+    told = moving_zero(fitted)
+    assert len(told) == said
+    if said:
+        assert "farthest the pose from line 6 by 40 um, D by 20 um, A by 15 um" in told[0].message
+        assert f"{4 * ratio:.2g} um, {ratio:.1f} times the 4 um" in told[0].message
 
 
 def test_more_than_a_third_of_the_poses_are_no_single_mistakes(tmp_path: Path) -> None:

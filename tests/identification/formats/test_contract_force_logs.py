@@ -97,6 +97,9 @@ def test_lvm_complaints(tmp_path: Path) -> None:
     path.write_text(lvm([(0.0, VALUES[:5, :3])]).replace(f"{VALUES[2, 1]:.4f}", "x"))
     with pytest.raises(CompstiffError, match=r"a.lvm:21:3: error CS0203"):
         read_lvm(path)
+    path.write_text(lvm([(0.0, VALUES[:0, :3])]))
+    with pytest.raises(CompstiffError, match=r"a.lvm: error CS0201: has no row of data"):
+        read_lvm(path)
 
 
 def packets(rdt: np.ndarray, status: int = 0) -> np.ndarray:
