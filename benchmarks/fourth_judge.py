@@ -19,7 +19,7 @@ from benchmarks.third_world import diagnosed, intervals, judged
 
 RIGHT: dict[str, str] = {
     "harmonic_three_slopes": "soft_zone[{j}]", "lost_motion": "soft_zone[{j}] backlash[{j}]", "free_play": "backlash[{j}]",
-    "bouc_wen": "hysteresis[{j}]", "friction_iwan": "hysteresis[2]", "hysteresis_all": "hysteresis",
+    "bouc_wen": "hysteresis[{j}]", "friction_iwan": "hysteresis[2]", "hysteresis_all": "hysteresis lost_motion",
     "stiffness_by_angle": "uneven_gear[{j}]", "worn_teeth": "uneven_gear[{j}]", "wrist_coupling": "wrist_coupling",
     "belt_creep": "gear_creep[{j}]", "belt_one_way": "one_sided[{j}]", "power_law": "", "brake_slip": "soft_beyond[{j}]",
     "servo_recovers": "gear_creep[{j}]", "warming": "softening", "crash": "gear_softening[{j}]", "rod_elastic": "parallelogram",
@@ -34,8 +34,9 @@ RIGHT: dict[str, str] = {
     "gauge_range": "*", "stand_warms": "drift", "arm_grows": "drift", "tripod_turns": "drift", "hall_temperature": "drift",
     "stand_bumped": "sensor_step", "someone_stands": "bad_visit", "load_turned": "force_misalignment",
     "load_axis_gain": "force_axis_gain", "load_curved": "force_curve", "off_the_tcp": "tool_point", "pulley_friction":
-    "load_friction", "cable_askew": "", "pan_forgotten": "hook_weight force_offset", "second_disc_wrong": "* bad_visit",
-    "cylinder_leaks": "", "sensor_crosstalk": "force_crosstalk", "base_not_level": "force_misalignment",
+    "load_friction", "cable_askew": "force_misalignment", "pan_forgotten": "hook_weight force_offset", "second_disc_wrong":
+    "* bad_visit hook_weight",
+    "cylinder_leaks": "load_leak", "sensor_crosstalk": "force_crosstalk", "base_not_level": "force_misalignment",
     "payload_compensation": "force_axis_gain", "load_cell_offset": "force_offset", "pose_typo": "* bad_visit",
     "digit_slip": "* bad_visit sensor_step", "millimetres": "* bad_visit", "copied_visit": "* bad_visit",
     "decanewton": "* bad_visit", "force_sign_some": "* bad_visit", "rows_swapped": "* bad_visit sensor_step",

@@ -136,7 +136,7 @@ def needless(extended: Posterior, choices: int) -> set[str]:
     free = log_evidence(with_free_laws(extended)) - np.log(choices)
     for term in extended.terms:
         others = _without(extended, {term.label})
-        if any(uncertain(other.effect) for other in others.terms) and log_evidence(with_free_laws(others)) > free:
+        if others is not extended and log_evidence(with_free_laws(others)) > free:
             return {term.label}
     return set()
 

@@ -16,9 +16,9 @@ class DeflectionSensorRotation(OfReading):
     name = "deflection_sensor_rotation"
     formula_source = "engineering judgement: the three sensors sit on one bracket, which turns as a rigid body"
     parameters = along_axes(
-        "r{}_rad", "rad", 0.025, 1.0,
+        "r{}_rad", "rad", 0.025, 1.8,
         source="engineering judgement: 1 to 2 degrees, their geometric mean, what a bracket set up by eye is off",
-        bounds_source="engineering judgement: 57 degrees; a file that states another frame is off by 90 or more")
+        bounds_source="engineering judgement: 103 degrees, axes of a hall that stand a quarter of a turn off, and more")
     sentence = "the deflection sensors are turned against the robot's base axes"
     settles = "jog the robot along base x, y and z without force and read the sensors"
 

@@ -22,9 +22,9 @@ class _Misalignment(OfWrench):
     family = "force measurement"
     formula_source = "the paper, eq. 4 and 5, with the force turned"
     parameters = along_axes(
-        "r{}_rad", "rad", 0.021, 1.0,
+        "r{}_rad", "rad", 0.021, 1.8,
         source="engineering judgement: 1 to 1.5 degrees, what a level and a square leave",
-        bounds_source="engineering judgement: 57 degrees; a file that states another frame is off by 90 or more")
+        bounds_source="engineering judgement: 103 degrees, axes of a hall that stand a quarter of a turn off, and more")
     sentence = "the force was not applied (or not measured) in the direction that was written down"
     settles = "read a dead weight with the force sensor, or check the cylinder's direction with a level"
     on_flange = False
