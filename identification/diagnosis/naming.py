@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -103,6 +104,42 @@ def _clearly_best(fits: list[tuple[Posterior, Hypothesis]]) -> tuple[Posterior, 
     return fits[place if values[place] > values[0] + LIKELIER else 0]
 
 
+def with_plainer_effects(found: Named) -> Named:
+    """What is found, with an effect's plainer kin in its place where the rows are likelier with that: shares that are large
+    enough are no turn to first order, as which a turn is seen before it is fitted."""
+    if found.best is None:
+        return found
+    places = {entry.label: k for k, entry in enumerate(found.seen.dictionary.entries)}
+    for term in found.fitted.terms:
+        number = places.get(term.effect.plainer)
+        if number is None or number in found.best.key:
+            continue
+        effect, state = found.seen.dictionary.entries[number].effect, found.fitted.load_state
+        kin = Term(effect, None, effect.neutral(state), effect.typical(state, None), effect.neutral(state))
+        terms = [kin if each is term else replace(each, start=values)
+                 for each, values in zip(found.fitted.terms, found.fitted.term_values, strict=True)]
+        fitted = attempt(found.fitted.data, terms, found.fitted)
+        if fitted is not None and log_evidence(fitted) > log_evidence(found.fitted):
+            hypotheses = _in_its_place(found.seen, places[term.label], number)
+            best = next(each for each in hypotheses if each.key == found.best.key - {places[term.label]} | {number})
+            found = replace(found, seen=replace(found.seen, hypotheses=hypotheses), best=best, fitted=fitted)
+    return found
+
+
+def _in_its_place(seen: Survey, number: int, other: int) -> tuple[Hypothesis, ...]:
+    """All hypotheses with one effect in the place of another; of two that are the same then the likelier, with the probability
+    of both."""
+    signature = seen.dictionary.entries[other].signatures.start
+    merged: dict[frozenset[int], Hypothesis] = {}
+    for each in seen.hypotheses:
+        pairs = [(other, signature) if k == number else (k, s) for k, s in zip(each.entries, each.signatures, strict=True)]
+        pairs = list(dict(pairs).items())
+        placed = replace(each, entries=tuple(k for k, _ in pairs), signatures=tuple(s for _, s in pairs))
+        before = merged.get(placed.key)
+        merged[placed.key] = placed if before is None else replace(before, probability=before.probability + each.probability)
+    return tuple(sorted(merged.values(), key=lambda each: -each.probability))
+
+
 def likeliest_fit(start: Posterior, catalogue: dict[str, Effect], levels: int) -> Posterior:
     """Of the likeliest sets of one, two, ... causes, as seen from a fitted model, the one whose own fit, with its own noise, is
     likeliest; the model itself where none converges."""
@@ -182,8 +219,18 @@ def brought_along(extended: Posterior) -> dict[str, str]:
     pairs = list(zip(extended.terms, extended.term_values, strict=True))
     everywhere = [(term, values) for term, values in pairs if not term.effect.where
                   or np.any(term.contribution(extended.load_state, values) != 0, axis=1).all()]
-    return {term.label: other.label for term, values in everywhere for other, of_other in pairs
-            if np.linalg.norm(values - term.neutral) < other.effect.brings(of_other).get(term.effect.name, 0.0)}
+    found = {}
+    for (term, values), (other, of_other) in product(everywhere, pairs):
+        sizes = other.effect.brings(of_other)
+        if _size(term, values) < sizes.get(term.effect.stored, sizes.get(term.effect.name, 0.0)):
+            found[term.label] = other.label
+    return found
+
+
+def _size(term: Term, values: Array) -> float:
+    """The norm of the parameters (P,) that say how large it is, from where it is absent."""
+    of_size = np.array([not parameter.shape for parameter in term.effect.parameters])
+    return float(np.linalg.norm((values - term.neutral)[of_size]))
 
 
 def _without(extended: Posterior, slight: set[str]) -> Posterior:

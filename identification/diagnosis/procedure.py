@@ -28,6 +28,7 @@ from identification.diagnosis.naming import (
     only_local,
     with_free_laws,
     with_open_laws,
+    with_plainer_effects,
     without_slight,
 )
 from identification.diagnosis.odds import CERTAINLY, POSSIBLE, certain, doubt_by, doubt_of, log_odds, log_posterior
@@ -264,7 +265,7 @@ class Procedure:
 
     def searched(self, start: Posterior, levels: int = 2, rejected: frozenset[int] | None = None) -> _Found:
         """The likeliest set of up to so many causes, seen from a fitted model, and whether it explains the rows."""
-        named = converged(start, self.catalogue, levels, rejected)
+        named = with_plainer_effects(converged(start, self.catalogue, levels, rejected))
         return _Found(named, goodness_of_fit(named.fitted, self.catalogue, self.rng, self.replicates),
                       beyond_stated(named.fitted, GRANTED_AFTER_NAMING))
 

@@ -21,6 +21,8 @@ SIGNS = "hold two rows with opposite loads against the sheet that was written at
 UNLIKE_SEATING = 10.0
 # Readings of one gauge in so many visits that are all its largest, to so many times its noise, are the end of its travel.
 FEW_VISITS, AT_THE_END = 3, 3.0
+# Of a gauge's readings that many at most are at its end.
+SOME_STOPPED = 0.5
 # What the large hand of a dial gauge counts in one turn [m] (engineering judgement: a hundred divisions of 1, 5 or 10 um, or
 # two hundred of 1 um).
 TURNS = (1e-4, 2e-4, 5e-4, 1e-3)
@@ -59,7 +61,8 @@ def reading_mistakes(data: LoadTest) -> list[Mistake]:
     # Gauges of one kind end alike.
     alike = np.abs(largest - largest[:, None]) <= AT_THE_END * np.broadcast_to(data.cell.noise.deflection, 3)
     visits_at_end = np.array([len(np.unique(rows.visit[stopped[:, same].any(axis=1)])) for same in alike])
-    ends = np.where(visits_at_end >= FEW_VISITS, largest, np.inf)
+    # One that reads the same in most rows is unplugged, or stuck.
+    ends = np.where((visits_at_end >= FEW_VISITS) & (stopped.mean(axis=0) < SOME_STOPPED), largest, np.inf)
     if np.isfinite(ends).any():
         told = " and ".join(f"{stopped[:, k].sum()} readings of d{'xyz'[k]} of {1e6 * ends[k]:.0f} um"
                             for k in np.flatnonzero(np.isfinite(ends)))

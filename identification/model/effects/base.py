@@ -74,7 +74,8 @@ class Effect(ABC):
     near_laws: effects of the same joint whose shapes a real one of this kind may mix in. leaves_open: an effect that comes with
     it and that no row shows, "" where there is none. law_family: what laws of one gear
     that imitate each other have in common, as a sentence; "" where there is no other. weighed: its last parameter is what
-    hangs on the gear, where nobody stated that; no slope leads to it. law: which law this is, where one name has several (""
+    hangs on the gear, where nobody stated that; no slope leads to it. plainer: an effect that its numbers may stand for, with
+    fewer of its own. law: which law this is, where one name has several (""
     for the first); other_laws: the others, of the first, whose signatures have theirs too. sentence: the cause as a shop-floor
     engineer says it ({joint} is filled in). settles: what would separate it from its look-alikes, and is no load.
     formula_source: the document its law comes from, or "engineering judgement" with its reason.
@@ -98,6 +99,7 @@ class Effect(ABC):
     leaves_open: ClassVar[str] = ""
     law_family: ClassVar[str] = ""
     weighed: ClassVar[bool] = False
+    plainer: ClassVar[str] = ""
     law: str = ""
     other_laws: ClassVar[tuple[Effect, ...]] = ()
     sentence: ClassVar[str]
@@ -154,8 +156,8 @@ class Effect(ABC):
         return self.undecided(rows, joint)
 
     def brings(self, values: Array) -> dict[str, float]:
-        """Other effects' names, each with the size of its parameters up to which this one, with parameters (P,), brings it
-        along: so much of it beside this one is no cause of its own."""
+        """Other effects' names, or those of their laws, each with the size of its parameters up to which this one, with
+        parameters (P,), brings it along: so much of it beside this one is no cause of its own."""
         return {}
 
     def further_ways(self, rows: LoadState, joint: int | None, values: Array) -> Array:

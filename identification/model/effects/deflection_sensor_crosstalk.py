@@ -33,6 +33,7 @@ class OneWay(_Crosstalk):
     """`xy` of a motion along y is read along x, and another share the other way round: one sensor that leans."""
 
     law = "one_way"
+    plainer = "deflection_sensor_rotation"
     formula_source = "engineering judgement: a sensor reads along its own line"
     parameters = one_way(0.014, source="engineering judgement: a sensor that was set up by eye to a degree",
                          bounds_source="engineering judgement: either way, to 27 degrees, which are seen by eye")

@@ -38,6 +38,7 @@ class OneWay(_Crosstalk):
     """`xy` of a force along y is missing along x, and another share the other way round."""
 
     law = "one_way"
+    plainer = "force_misalignment"
     formula_source = "engineering judgement: an amplifier's wire, or one cylinder that leans, is not alike in both directions"
     parameters = one_way(0.01, source="engineering judgement: cross-talk of six-axis sensors is stated as 1 to 2 %",
                          bounds_source="engineering judgement: either way, to an axis that is 27 degrees off")

@@ -7,7 +7,7 @@ import numpy as np
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter, Signature
-from identification.model.effects.kinds import OfWrench, along_axes, nothing_hangs
+from identification.model.effects.kinds import OfWrench, along_axes, hanging, nothing_hangs
 from identification.model.load_state import LoadState
 from identification.model.rotations import rotation_matrix
 
@@ -42,6 +42,23 @@ class OnTheFlange(_Misalignment):
     law, on_flange = "flange", True
     sentence = "the force sensor is turned in its seat on the flange against the axes that were written down"
     settles = "read a dead weight with the force sensor in two postures of the flange"
+
+
+class OfHung(_Misalignment):
+    """Of hung weights alone, beside other loads: plumb is not where z of the base is."""
+
+    law = "hung"
+    parameters = _Misalignment.parameters[:2]
+    sentence = "hung weights pull along another line than base z: the robot's base is not level, or does not stand upright"
+    settles = "put a level on the robot's foot, and write gravity's direction into cell.yaml"
+
+    def missing(self, rows: LoadState) -> str:
+        hangs, loaded = hanging(rows), np.any(rows.wrench[:, :3] != 0, axis=1)
+        return "" if hangs.any() and (loaded & ~hangs).any() else "no weights hang beside other loads"
+
+    def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        turned = super().true_wrench(rows, joint, np.append(values, 0.0))
+        return np.where(hanging(rows)[:, None], turned, rows.wrench)
 
 
 class FixedPulley(OfWrench):
@@ -94,4 +111,4 @@ def _pulley(coefficients: Array) -> Array:
 class ForceMisalignment(_Misalignment):
     """The same in the cell, wherever the tool is turned to."""
 
-    other_laws = (OnTheFlange(), FixedPulley())
+    other_laws = (OnTheFlange(), OfHung(), FixedPulley())

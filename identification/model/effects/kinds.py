@@ -24,8 +24,9 @@ NOTHING_HANGS = "the loads are not those of hung weights"
 NO_TRACK = "cell.yaml has no track under the robot"
 NO_LOAD_OFF = "no load was taken off in steps"
 ONE_SIZE = "all loads are of one size"
+ONE_TIME = "no dwell_s says that loads were on for different times"
 # Reasons that need no word: they lie in the kind of the data, or of the cell.
-OF_THE_KIND = (ONLY_IN_MOTION, ONLY_AS_SCATTER, NOTHING_HANGS, NO_TRACK, NO_LOAD_OFF, ONE_SIZE)
+OF_THE_KIND = (ONLY_IN_MOTION, ONLY_AS_SCATTER, NOTHING_HANGS, NO_TRACK, NO_LOAD_OFF, ONE_SIZE, ONE_TIME)
 # Torques [N m] that are tried where nobody stated what hangs on the wrist, and on the arm: play is crossed at one of them.
 OF_TOOL = tuple(np.geomspace(40.0, 800.0, 31).round(1).tolist())
 OF_ARM = tuple(np.geomspace(400.0, 8000.0, 31).round(0).tolist())

@@ -6,7 +6,7 @@ import numpy as np
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter
-from identification.model.effects.kinds import OfWrench
+from identification.model.effects.kinds import ONE_TIME, OfWrench
 from identification.model.load_state import LoadState
 
 # Loads that were held for times so different (largest to smallest) tell what falls from what is off by a share.
@@ -29,9 +29,7 @@ class LoadLeak(OfWrench):
     def missing(self, rows: LoadState) -> str:
         dwell = rows.dwell[np.any(rows.wrench[:, :3] != 0, axis=1)]
         dwell = dwell[dwell > 0]
-        if not len(dwell):
-            return "no dwell_s says how long the loads were on"
-        return "" if dwell.max() > UNLIKE_TIMES * dwell.min() else "all loads were on for the same time"
+        return "" if len(dwell) and dwell.max() > UNLIKE_TIMES * dwell.min() else ONE_TIME
 
     def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.asarray(rows.wrench * np.exp(-values[0] * np.nan_to_num(rows.dwell))[:, None])

@@ -10,6 +10,7 @@ from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter
 from identification.model.effects.documents import NABTESCO
 from identification.model.effects.hysteresis import AMPLITUDE, Smooth
+from identification.model.effects.kinds import NO_LOAD_OFF
 from identification.model.load_state import LoadState
 
 ONE_GEAR = Smooth()
@@ -45,4 +46,4 @@ class LostMotion(Effect):
         return np.asarray(np.einsum("nri,i,nib->nrib", rows.jacobian, values[:-1], begun).reshape(*rows.jacobian.shape[:2], -1))
 
     def missing(self, rows: LoadState) -> str:
-        return ONE_GEAR.missing(rows)
+        return NO_LOAD_OFF if ONE_GEAR.missing(rows) else ""

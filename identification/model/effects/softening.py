@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from functools import partial
 
 import numpy as np
@@ -10,6 +11,9 @@ from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter, Signature
 from identification.model.effects.drift import HOUR_S, SETTLES_S, clock, settling_times
 from identification.model.load_state import LoadState
+
+# What an arm's own weight bends it by [m], at most (engineering judgement: some millimetres of a large one).
+SAG_M = 2e-3
 
 
 class _Softening(Effect):
@@ -21,6 +25,14 @@ class _Softening(Effect):
     unsettles = True
     sentence = "the robot gives way more, or less, from row to row: it warms up, or the gain of the force measurement wanders"
     settles = "warm the robot up, measure again, and repeat the first pose at the end"
+
+    @abstractmethod
+    def fastest(self, values: Array) -> float:
+        """Share [1/s] by which it softens at most."""
+
+    def brings(self, values: Array) -> dict[str, float]:
+        # Under its own weight it sinks as it softens, loaded or not.
+        return {"drift": SAG_M * self.fastest(values), "drift.settling": SAG_M * abs(float(values[0]))}
 
 
 class Settling(_Softening):
@@ -34,6 +46,9 @@ class Settling(_Softening):
                   bounds_source="engineering judgement: ten times stiffer, to four times as soft as when it was cold"),
         SETTLES_S,
     )
+
+    def fastest(self, values: Array) -> float:
+        return abs(float(values[0] / values[1]))
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         share, settles = values
@@ -55,6 +70,9 @@ class Softening(_Softening):
                   source="engineering judgement: some per cent from cold grease to warm, within half an hour",
                   bounds_source="engineering judgement: what is three times as soft after an hour would have been noticed"),
     )
+
+    def fastest(self, values: Array) -> float:
+        return abs(float(values[0])) / HOUR_S
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.asarray(values[0] * since_first(rows)[:, None] / HOUR_S * rows.elastic)

@@ -3,7 +3,7 @@ together. No fit: terms that move the rows as they are told to."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -25,8 +25,10 @@ from identification.diagnosis.naming import (
     only_local,
     weighed_anew,
     with_open_laws,
+    with_plainer_effects,
     without_slight,
 )
+from identification.diagnosis.search import Hypothesis
 
 ROWS = 24
 
@@ -89,8 +91,8 @@ def test_nothing_is_within_two_sigma_one_by_one_and_together(off: list[float], c
 
 def test_what_another_term_brings_along_is_told_with_its_name() -> None:
     def one(name: str, brings: dict[str, float]) -> Any:
-        effect = SimpleNamespace(name=name, brings=lambda values: {key: share * values[0] for key, share in brings.items()},
-                                 where={})
+        effect = SimpleNamespace(name=name, stored=name, where={}, parameters=[SimpleNamespace(shape=False)],
+                                 brings=lambda values: {key: share * values[0] for key, share in brings.items()})
         return SimpleNamespace(label=f"{name}[1]", effect=effect, neutral=np.array([1.0]))
 
     ball, turn = one("ball", {"turn": 0.1}), one("turn", {})
@@ -124,6 +126,35 @@ def test_a_further_effect_must_do_what_no_real_law_would(
     # Of a set that does not converge nothing is known.
     monkeypatch.setattr(naming, "attempt", lambda *_: None)
     assert needless(fit("gear", "other"), 90) == set()
+
+
+def test_what_a_plainer_effect_explains_better_is_that_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its place in every set, with what was on the sets that come to be the same; where it explains less nothing changes."""
+    def entry(label: str, number: int) -> Any:
+        effect = SimpleNamespace(label=label, neutral=lambda state: np.zeros(1), typical=lambda state, joint: np.ones(1))
+        return SimpleNamespace(label=label, effect=effect, signatures=range(10 * number, 10 * number + 3))
+
+    entries = [entry(label, number) for number, label in enumerate(("cross-talk", "turn", "drift"))]
+    hypotheses = tuple(Hypothesis(of, tuple(10 * k + 1 for k in of), -1.0, probability) for of, probability in (
+        ((0, 2), 0.5), ((1,), 0.2), ((2, 1), 0.2), ((0,), 0.1)))
+    wide = SimpleNamespace(label="cross-talk", effect=SimpleNamespace(plainer="turn"))
+    other = SimpleNamespace(label="drift", effect=SimpleNamespace(plainer=""))
+    fitted: Any = SimpleNamespace(terms=(wide, other), term_values=(np.ones(3), np.ones(1)), load_state=None, data=None,
+                                  value=-5.0)
+    seen: Any = SimpleNamespace(hypotheses=hypotheses, dictionary=SimpleNamespace(entries=entries))
+    monkeypatch.setattr(naming, "Term", lambda effect, *_: SimpleNamespace(label=effect.label))
+    monkeypatch.setattr(naming, "replace", lambda each, **given: replace(each, **given) if isinstance(
+        each, Hypothesis) else SimpleNamespace(**{**vars(each), **given}))
+    monkeypatch.setattr(naming, "log_evidence", lambda fit: fit.value)
+    found: Any = SimpleNamespace(seen=seen, best=hypotheses[0], fitted=fitted, lost=())
+    for value, labels, sets in (
+            (-6.0, ["cross-talk", "drift"], [({0, 2}, 0.5), ({1}, 0.2), ({1, 2}, 0.2), ({0}, 0.1)]),
+            (-4.0, ["turn", "drift"], [({1, 2}, 0.7), ({1}, 0.3)])):
+        monkeypatch.setattr(naming, "attempt", lambda data, terms, near, value=value: SimpleNamespace(
+            terms=terms, term_values=(), load_state=None, data=None, value=value))
+        plain: Any = with_plainer_effects(found)
+        assert [term.label for term in plain.fitted.terms] == labels
+        assert [(set(each.entries), pytest.approx(each.probability)) for each in plain.seen.hypotheses] == sets
 
 
 @dataclass(frozen=True)

@@ -252,6 +252,19 @@ def test_a_cable_runs_to_the_pulley_wherever_the_tool_is() -> None:
     assert law("force_misalignment.pulley").missing(loaded(forces([300.0] * 6, np.array([0.0, 0.0, -1.0])), poses=6))
 
 
+def test_hung_weights_lean_where_the_base_is_not_level_and_other_loads_do_not() -> None:
+    down, along = np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0])
+    loads = np.concatenate([forces([0.0, 100, 300], down), forces([100.0, 300], along)])
+    law_of_hung = law("force_misalignment.hung")
+    true = law_of_hung.true_wrench(loaded(loads, poses=1), None, np.array([0.1, 0.0]))
+    assert true is not None
+    assert_allclose(true[1:3, :3], np.outer([100, 300], [0.0, np.sin(0.1), -np.cos(0.1)]), atol=1e-12)
+    assert_allclose(true[[0, 3, 4]], loads[[0, 3, 4]])
+    assert law_of_hung.missing(loaded(loads[:3], poses=1))
+    assert law_of_hung.missing(loaded(loads[3:], poses=1))
+    assert not law_of_hung.missing(loaded(loads, poses=1))
+
+
 def test_a_changer_on_two_pins_tips_about_them_alone() -> None:
     """By half its play to where the moment about that axis turns it; a moment about the other one does nothing."""
     rows = replace(loaded(np.zeros((8, 6)), poses=1), at_load=True)
