@@ -19,7 +19,7 @@ from identification.model.effects.transmission_error import BetweenPoses
 from tests.virtual_cell.cell import Case
 
 # Where the hidden law is another than the dictionary's, its parameters have no one true value.
-OTHER_LAW = frozenset({"soft_zone", "hysteresis", "drift", "creep"})
+OTHER_LAW = frozenset({"soft_zone", "hysteresis", "lost_motion", "drift", "creep"})
 
 
 def at_its_place(effect: Effect, values: Mapping[str, Any]) -> Effect:
