@@ -73,8 +73,9 @@ def _lost_motion(draw: Draw) -> Parameters:
 
 @effect("lost_motion", _lost_motion)
 def lost_motion(plant: Plant, joint: None, parameters: Parameters) -> None:
+    """Eight elements that slip evenly up to a torque T together yield as one that slips at 9/16 T."""
     for gear in ALL:
-        slip = iwan_slip(parameters["wind_up_rad"] * plant.stiffness[gear - 1])
+        slip = iwan_slip(9 / 16 * parameters["wind_up_rad"] * plant.stiffness[gear - 1])
         plant.laws.append(Hysteresis(plant.drive(gear), parameters[f"amplitude_{gear}_rad"], slip))
 
 

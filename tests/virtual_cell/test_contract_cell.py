@@ -17,7 +17,7 @@ def places(name: str) -> tuple[int | None, ...]:
 
 
 def test_names() -> None:
-    assert len(DICTIONARY) == 30
+    assert len(DICTIONARY) == 31
     assert len(OUTSIDE) >= 6
     assert len(EFFECTS) == len(DICTIONARY) + len(OUTSIDE) + len(NEAR) + len(HUNG) + len(TRACK) + len(AT_POSES)
 
