@@ -20,7 +20,8 @@ from tests.virtual_cell.cell import DICTIONARY, Case, Hidden, simulate
 from tests.virtual_cell.files import robot_yaml
 from tests.virtual_cell.hidden import EFFECTS
 
-ROUGH = {"backlash": 0.15, "soft_zone": 0.25, "hysteresis": 0.25, "lost_motion": 0.15, "creep": 0.1, "drift": 0.1, "stand_compliance": 0.2}
+ROUGH = {"backlash": 0.15, "soft_zone": 0.25, "hysteresis": 0.25, "lost_motion": 0.15, "creep": 0.1,
+         "drift": 0.1, "stand_compliance": 0.2}
 PLACES = [(name, joint) for name in DICTIONARY for joint in EFFECTS[name].joints or (None,)]
 
 
