@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -120,18 +122,18 @@ def with_plainer_effects(found: Named) -> Named:
                  for each, values in zip(found.fitted.terms, found.fitted.term_values, strict=True)]
         fitted = attempt(found.fitted.data, terms, found.fitted)
         if fitted is not None and log_evidence(fitted) > log_evidence(found.fitted):
-            hypotheses = _in_its_place(found.seen, places[term.label], number)
-            best = next(each for each in hypotheses if each.key == found.best.key - {places[term.label]} | {number})
+            swap = partial(_in_its_place, seen=found.seen, number=places[term.label], other=number)
+            (best,), hypotheses = swap((found.best,)), swap(found.seen.hypotheses)
             found = replace(found, seen=replace(found.seen, hypotheses=hypotheses), best=best, fitted=fitted)
     return found
 
 
-def _in_its_place(seen: Survey, number: int, other: int) -> tuple[Hypothesis, ...]:
-    """All hypotheses with one effect in the place of another; of two that are the same then the likelier, with the probability
-    of both."""
+def _in_its_place(each_of: Sequence[Hypothesis], seen: Survey, number: int, other: int) -> tuple[Hypothesis, ...]:
+    """These hypotheses with one effect in the place of another; of two that are the same then the likelier, with the
+    probability of both."""
     signature = seen.dictionary.entries[other].signatures.start
     merged: dict[frozenset[int], Hypothesis] = {}
-    for each in seen.hypotheses:
+    for each in each_of:
         pairs = [(other, signature) if k == number else (k, s) for k, s in zip(each.entries, each.signatures, strict=True)]
         pairs = list(dict(pairs).items())
         placed = replace(each, entries=tuple(k for k, _ in pairs), signatures=tuple(s for _, s in pairs))
