@@ -58,7 +58,8 @@ def test_rare_is_what_few_replicates_reach(monkeypatch: pytest.MonkeyPatch, draw
     noise: Any = SimpleNamespace(readings=12, draw=lambda rng, count: np.zeros((4, 3, count)))
     monkeypatch.setattr(detect, "OPEN", (2.0, 2.0))
     monkeypatch.setattr(detect, "surprise", lambda *of: (np.array([3.0, *drawn]), np.zeros((0, 5))))
-    found = detect.detect(*[None] * 2, (), [noise], np.random.default_rng(0), 4)     # type: ignore[arg-type]
+    nothing: Any = None
+    found = detect.detect(nothing, nothing, (), [noise], np.random.default_rng(0), 4)
     assert (found.p_value, found.resolution) == (rank / 5, 1 / 5)
 
 
@@ -71,7 +72,8 @@ def test_the_variance_is_what_the_fit_leaves_of_the_readings(monkeypatch: pytest
     base = detect.Base(design, residual, weights, 1e-12 * np.eye(4), np.zeros(4))
     pattern: Any = SimpleNamespace(surprise=lambda base, left, variance: seen.append(variance) or np.zeros(6))
     monkeypatch.setattr(detect, "entry_surprise", lambda *of: np.zeros((1, 6)))
-    detect.surprise(base, None, (pattern,), 24, [drawn])      # type: ignore[arg-type]
+    nothing: Any = None
+    detect.surprise(base, nothing, (pattern,), 24, [drawn])
     each = np.concatenate([residual[:, :, None], drawn], axis=2).reshape(24, 6)
     left = np.linalg.lstsq(2.0 * design.reshape(24, 4), 2.0 * each, rcond=None)[1]
     np.testing.assert_allclose(seen[0], left / 20, rtol=1e-9)
