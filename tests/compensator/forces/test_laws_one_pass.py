@@ -16,9 +16,9 @@ from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError
 
 
-def log_of(place: list[float]) -> ForceLog:
+def log_of(place: list[float], key: str = "length") -> ForceLog:
     count = len(place)
-    return cast(ForceLog, SimpleNamespace(key="length", place=np.array(place), weight=np.ones(count),
+    return cast(ForceLog, SimpleNamespace(key=key, place=np.array(place), weight=np.ones(count),
                                           line=np.arange(2, count + 2), source="log.csv"))
 
 
@@ -65,8 +65,7 @@ def test_the_noise_of_a_tare_is_that_of_its_samples(count: int, offset: float) -
 def test_a_log_that_comes_back_to_a_tenth_is_of_one_pass(again: int, refused: bool) -> None:
     """Of 100 targets in turn, and then some of the first of them again."""
     place = np.append(np.arange(100), np.arange(again))
-    log = log_of(place.tolist())
-    log.key = "target"      # type: ignore[misc]
+    log = log_of(place.tolist(), "target")
     if not refused:
         check_once(log, place, None)
         return
