@@ -10,20 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from compensator.rapid.blocks import DEEPEST, Arm, Block, Fork, Loop, Routine, Step, end_routines
 from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
+from compensator.rapid.runs import Driven, Runs, Taken, Way
 from compensator.rapid.runtime import Parameter
 from compensator.rapid.scopes import Scope
 from compensator.rapid.values import Values
 from compensator.rapid.variables import MOST_TURNS, UNKNOWN, Known, Variables
 
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 # No more calls are followed: routines that call each other double with every level.
 MOST = 20_000
 # Nor more ways through the branches of a program.
@@ -35,103 +30,6 @@ OFTEN, MANY = 10, 100_000
 MOST_BLOCKS, LONGEST_TURN = 100_000, 1000
 # What calls a routine by a name that is made at run time.
 LATE = ("%", "callbyvar")
-
-
-class Driven(NamedTuple):
-    """Targets first ... stop - 1 as they are driven; start: offset of the call that led there, -1 for none."""
-
-    first: int
-    stop: int
-    displaced: bool
-    soft: bool
-    start: int
-
-
-class Taken(NamedTuple):
-    """A branch of unknown condition, as it is taken on one way. start: offset of the word of the branch, or of the IF or TEST
-    none of whose branches is; stated: by the values in the file."""
-
-    start: int
-    none: bool
-    stated: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Way:
-    """One way that the program may go: targets first ... stop - 1, then those of the next stretch; and the branches taken."""
-
-    stretches: tuple[tuple[int, int], ...]
-    taken: tuple[Taken, ...]
-
-    @property
-    def order(self) -> Indices:
-        """The targets (D,) in the order in which they are driven."""
-        return np.concatenate([np.arange(0), *(np.arange(first, stop) for first, stop in self.stretches)])
-
-    @property
-    def stated(self) -> bool:
-        """Whether the values in the file lead along it."""
-        return all(branch.stated for branch in self.taken)
-
-
-@dataclass(frozen=True, slots=True)
-class Runs:
-    """One run of a program: its stretches in the order in which they are driven, of branches that are not known all of them.
-    ways: those it may go, that of the file's values first; none where the text does not settle how often moves are driven.
-    open: they are too many to follow."""
-
-    driven: tuple[Driven, ...]
-    count: int
-    ways: tuple[Way, ...] = ()
-    open: bool = False
-
-    @property
-    def displaced(self) -> Mask:
-        """The targets (N,) that a displacement shifts when they are driven."""
-        return self._within(stretch for stretch in self.driven if stretch.displaced)
-
-    @property
-    def soft(self) -> Mask:
-        """The targets (N,) that are driven while the controller gives way."""
-        return self._within(stretch for stretch in self.driven if stretch.soft)
-
-    def _within(self, stretches: Iterable[Driven]) -> Mask:
-        within = np.zeros(self.count, dtype=bool)
-        for stretch in stretches:
-            within[stretch.first:stretch.stop] = True
-        return within
-
-    @property
-    def times(self) -> Indices:
-        """How often each target (N,) is driven; two stand for several."""
-        change = np.zeros(self.count + 1, dtype=np.intp)
-        for stretch in self.driven:
-            change[stretch.first] += 1
-            change[stretch.stop] -= 1
-        return np.cumsum(change)[:-1]
-
-    @property
-    def order(self) -> Indices | None:
-        """The targets (D,) in the order in which they are driven; None where that is the order of the text, or is not sure."""
-        if not self.ways or not (len(self.ways) == 1 or self.ways[0].stated):
-            return None
-        way = self.ways[0]
-        return None if way.stretches in ((), ((0, self.count),)) else way.order
-
-    def calls_of(self, which: Mask) -> list[int]:
-        """Offsets of the calls that lead to some of the targets `which` (N,), each once, in the order of the run."""
-        return list(dict.fromkeys(stretch.start for stretch in self.driven
-                                  if stretch.start >= 0 and which[stretch.first:stretch.stop].any()))
-
-    def first_back(self, which: Mask) -> Driven | None:
-        """The first stretch with some of the targets `which` (N,) that stands in the text before one driven earlier."""
-        furthest = 0
-        for stretch in self.driven:
-            if which[stretch.first:stretch.stop].any():
-                if stretch.first < furthest:
-                    return stretch
-                furthest = stretch.stop
-        return None
 
 
 def runs_of(routines: Sequence[Routine], count: int, values: Values, parameters: Mapping[str, Sequence[Parameter]]) -> Runs:

@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.rapid.calls import Driven
 from compensator.rapid.program import RapidProgram
+from compensator.rapid.runs import Driven
 from compensator.rapid.text import locate
 from identification.common.findings import Finding, counted, verb
 

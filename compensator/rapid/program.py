@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from compensator.rapid.calls import Runs
 from compensator.rapid.rows import Rows
+from compensator.rapid.runs import Runs
 from compensator.rapid.scan import Scan
 from compensator.rapid.text import Source
 from compensator.rapid.values import Values

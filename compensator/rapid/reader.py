@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from compensator.rapid.calls import Runs, Taken, runs_of
+from compensator.rapid.calls import runs_of
 from compensator.rapid.program import RapidProgram
 from compensator.rapid.quaternions import UNUSABLE
 from compensator.rapid.reports import Places, report
 from compensator.rapid.rows import Rows, collect
+from compensator.rapid.runs import Runs, Taken
 from compensator.rapid.runtime import changing
 from compensator.rapid.scanner import scan
 from compensator.rapid.tails import resolve_tails

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from compensator.rapid import read_rapid
-from compensator.rapid.calls import Runs
+from compensator.rapid.runs import Runs
 from tests.compensator.rapid.small_programs import target
 
 
