@@ -64,7 +64,12 @@ def added(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> A
     The rows stand in the order in which the loads come: that order is the history of effects with a memory. Those of the robot
     feel the force that really acted, where another is one of the force's measurement.
     """
-    total, felt = np.zeros((len(rows), 6)), as_felt(rows, effects, values)
+    return _added(rows, as_felt(rows, effects, values), effects, values)
+
+
+def _added(rows: LoadState, felt: LoadState, effects: Sequence[EffectInForce], values: Array) -> Array:
+    """The same, the force that really acted known. felt: the rows under it."""
+    total = np.zeros((len(rows), 6))
     for term, parameters in zip(effects, split(values, effects), strict=True):
         total += term.contribution(felt if term.effect.of_robot else rows, parameters)
     return total
@@ -86,12 +91,15 @@ def displaced(pose: Frame, moved: Array) -> Frame:
 
 
 def slopes_by_springs(rows: LoadState, effects: Sequence[EffectInForce], values: Array, base: Array) -> Array:
-    """Derivative (n, 6, 6) of what the effects add, which is `base` (n, 6), by ln c, by differences."""
-    result = np.empty((len(rows), 6, 6))
+    """Derivative (n, 6, 6) of what the effects add, which is `base` (n, 6), by ln c, by differences at the loaded pose: where
+    that goes with softer springs changes what is small beside the deviation by as little again."""
+    result, felt = np.empty((len(rows), 6, 6)), as_felt(rows, effects, values)
     for joint in range(6):
-        softer = rows.compliance.copy()
-        softer[joint] *= np.exp(STEP)
-        result[:, :, joint] = (added(rows.with_compliance(softer), effects, values) - base) / STEP
+        compliance = rows.compliance.copy()
+        compliance[joint] *= np.exp(STEP)
+        softer = rows.with_compliance(compliance)
+        moved = _added(softer, softer if felt is rows else felt.with_compliance(compliance), effects, values)
+        result[:, :, joint] = (moved - base) / STEP
     return result
 
 

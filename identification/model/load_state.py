@@ -58,12 +58,15 @@ class LoadState:
         return len(self.theta)
 
     def with_compliance(self, compliance: Array) -> LoadState:
-        """The same rows on a robot with other springs (6,) [rad/(N m)]."""
-        other = replace(self, compliance=compliance)
-        if self.at_load:
-            # The loaded pose is given, so that what was worked out there (all but these) holds for any springs.
-            changed = ("compliance", "elastic", "_sagged", "of_sag", "of_weight")
-            vars(other).update({name: value for name, value in vars(self).items() if name not in changed})
+        """The same loaded rows on a robot with other springs (6,) [rad/(N m)], which hold the loaded pose that this robot
+        reaches: exact where that is given (`at_load`), else of first order."""
+        other, torque = replace(self, compliance=compliance), self.torque
+        # What was worked out at the loaded pose (all but these) holds for any springs.
+        changed = ("compliance", "at_rest", "elastic", "_sagged", "of_sag", "of_weight")
+        vars(other).update({name: value for name, value in vars(self).items() if name not in changed})
+        if not self.at_load:
+            more = (compliance - self.compliance) * torque
+            vars(other)["elastic"] = self.elastic + np.einsum("nri,ni->nr", self.jacobian, more)
         return other
 
     @cached_property

@@ -181,11 +181,21 @@ def slip_state(torque: Array, starts: NDArray[np.bool_], slip: Array | float, be
 
 def _all_visits_at_once(change: Array, place: NDArray[np.intp], begin: float) -> Array:
     """States (n, ...) by changes (n, ...) and the place (n,) of each row in its visit."""
+    visit = np.cumsum(place == 0) - 1
+    length = np.bincount(visit)
+    # The longest visits first: the rows at one place follow the first of those at the place before.
+    rank = np.empty_like(length)
+    rank[np.argsort(-length, kind="stable")] = np.arange(len(length))
+    order = np.lexsort((rank[visit], place))
+    ends = np.cumsum(np.bincount(place))
+    came, sorted_states = np.full(change.shape[1:], begin), change[order]
+    for first, last in zip(np.concatenate([[0], ends]), ends, strict=False):
+        here = sorted_states[first:last]
+        here += came if first == 0 else came[: last - first]
+        np.minimum(np.maximum(here, -1.0, out=here), 1.0, out=here)
+        came = here
     states = np.empty_like(change)
-    order = np.argsort(place, kind="stable")
-    for rows in np.split(order, np.flatnonzero(np.diff(place[order])) + 1):
-        came = begin if place[rows[0]] == 0 else states[rows - 1]
-        states[rows] = np.clip(came + change[rows], -1.0, 1.0)
+    states[order] = sorted_states
     return states
 
 
