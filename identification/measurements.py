@@ -41,7 +41,8 @@ class Measurements:
     sigma (N, 3) the row's own 1 sigma [m], NaN where the file gives none; time, dwell (N,) [s], NaN where not given;
     visit (N,) number of the pose visit, from 0; reference (N,) number of the unloaded reference, from 0;
     validate (N,) True for rows that are never fitted; machined_pass, pose (N,) labels, "" where none;
-    row (N,) from 1, and line (N,) in the file; sha256 of its bytes, "" where the rows are of no file; began: time [s] of the
+    row (N,) from 1, and line (N,) in the file; hung (N,) True where the load was given as a mass, which is as heavy at every
+    pose, None where none was; sha256 of its bytes, "" where the rows are of no file; began: time [s] of the
     file's first row that has one, whichever rows these are.
     """
 
@@ -62,6 +63,7 @@ class Measurements:
     findings: tuple[Finding, ...]
     sha256: str = ""
     began: float = 0.0
+    hung: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         return len(self.line)
@@ -76,7 +78,7 @@ class Measurements:
         arrays: dict[str, Any] = {name: getattr(self, name)[rows] for name in (
             "theta", "wrench", "deflection", "sigma", "time", "dwell", "visit", "reference", "validate",
             "machined_pass", "pose", "row", "line")}
-        return replace(self, **arrays)
+        return replace(self, hung=None if self.hung is None else self.hung[rows], **arrays)
 
     def followed_by(self, other: Measurements) -> Measurements:
         """These rows and then those of `other`, whose visits, references, row numbers and times go on from these."""
@@ -87,7 +89,8 @@ class Measurements:
                 "theta", "wrench", "deflection", "sigma", "time", "dwell", "visit", "reference", "row", "line")}
         labels: dict[str, Any] = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in (
             "validate", "machined_pass", "pose")}
-        return Measurements(source=self.source, findings=self.findings, began=self.began, **arrays, **labels)
+        hung = None if self.hung is None or other.hung is None else np.concatenate([self.hung, other.hung])
+        return Measurements(source=self.source, findings=self.findings, began=self.began, hung=hung, **arrays, **labels)
 
 
 def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bool = False) -> Measurements:
@@ -135,7 +138,7 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
         findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table),
                        *_slow(table), *([] if planned else _repeated(table, wrench, deflection, _visits(table, theta))),
                        *_not_moved(table, wrench, deflection)]),
-        sha256=sha256(file), began=_began(time))
+        sha256=sha256(file), began=_began(time), hung=~np.isnan(table.numbers[MASS]) if MASS in table.numbers else None)
 
 
 def _began(time: Array) -> float:

@@ -219,18 +219,17 @@ class Procedure:
         usual = plain.with_usual_noise
         found = self.explaining(usual)
         seen, best, extended, adequacy, scatter = found.named.seen, found.best, found.fitted, found.adequacy, found.scatter
+        # A name that leaves the test as it was has explained nothing.
+        enough = max(INADEQUATE, min(judgement.detection.p_value, self.alarm))
+        to_the_noise = adequacy.p_value > enough and not scatter
         slight: frozenset[str] = frozenset()
-        if best is not None:
+        if best is not None and (to_the_noise or nearly_all(plain, extended)):
             extended, slight = without_slight(self.data, extended, len(seen.dictionary.entries), self.rng)
         physics = (log_posterior(mistakes.found, extended, len(seen.dictionary.entries))
                    if mistakes.possible or mistakes.slight else 0.0)
         if mistakes.clearly(physics):
             return replace(judgement, verdict="mistake", mistakes=mistakes.possible)
-        share = explained(plain, extended)
-        # A name that leaves the test as it was has explained nothing.
-        enough = max(INADEQUATE, min(judgement.detection.p_value, self.alarm))
-        to_the_noise = adequacy.p_value > enough and not scatter
-        nearly = share.excess >= GROSS and share.share >= NEARLY_ALL
+        nearly = nearly_all(plain, extended)
         judgement = replace(judgement, extended=extended, adequacy=adequacy, scatter=scatter, lost=found.named.lost,
                             law_differs=nearly and not to_the_noise)
         supported = best is not None and best.log_evidence >= SUPPORT
@@ -359,6 +358,12 @@ class _Found:
     def enough(self) -> bool:
         """Whether they explain the rows."""
         return self.adequacy.p_value > INADEQUATE and not self.scatter
+
+
+def nearly_all(plain: Posterior, extended: Posterior) -> bool:
+    """Whether a gross misfit of the plain model has its cause in the extended one, though not its exact law."""
+    share = explained(plain, extended)
+    return share.excess >= GROSS and share.share >= NEARLY_ALL
 
 
 def beside(judgement: Judgement, mistakes: Mistakes, physics: float) -> Judgement:

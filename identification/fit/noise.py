@@ -352,6 +352,9 @@ def noise_model(data: LoadTest, compliance: Array) -> NoiseModel:
     loaded = np.any(load != 0, axis=1)[:, None]
     _check_parts(data, carried * (relative * load + absolute * loaded)[:, None, :])
     setups = USUAL_SETUP * (carried[:, :, :, None] * load[:, None, None, :]).reshape(len(load), 3, 9)
+    if rows.hung is not None:
+        # A weight is plumb and as heavy at every pose.
+        setups[rows.hung] = 0.0
     _, visit = np.unique(rows.visit, return_inverse=True)
     offset = noise.pose_offset if noise.offset_stated else np.full(3, USUAL_OFFSET_M)
     sensor_stated = noise.deflection_stated or not np.isnan(rows.sigma).all()

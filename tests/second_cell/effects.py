@@ -34,6 +34,15 @@ def soft_zone(world: World, joint: int, factor: float, rng: np.random.Generator)
     world.arm.laws.append(SmoothZone(joint - 1, k, width * softer / (1 + softer), width))
 
 
+@effect("soft_gears")
+def soft_gears(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
+    """All six gears softer near zero by some 1 + 0.8 factor, up to where they are wound up by about the same angle."""
+    wound = rng.uniform(1.5e-4, 5e-4)
+    for at, k in enumerate(world.arm.stiffness):
+        softer, width = 0.8 * factor * rng.uniform(0.6, 1.4), wound * rng.uniform(0.8, 1.25)
+        world.arm.laws.append(SmoothZone(at, k, width * softer, width * (1 + softer)))
+
+
 @effect("cubic_gear", ALL, known_as="soft_zone")
 def cubic_gear(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
     """A gear that stiffens all the way, without a zone."""

@@ -14,6 +14,8 @@ COMPLIANCE = Parameter("compliance_rad_per_nm", "rad/(N*m)", 5e-8, 0.0, 2e-6,
                        source="engineering judgement: 2e7 N m/rad, ten times joint 1 (the paper, Table 1)",
                        bounds_source="engineering judgement: rigid, to 5e5 N m/rad, a quarter of joint 1: a pedestal that is "
                                      "loose")
+# Where the centre of the feet under a platform is tried [m], along base x, y and z.
+CENTRES = ((-0.3, 0.3), (-0.3, 0.3), (-0.8, 0.0))
 
 
 class _Rocking(Effect):
@@ -85,8 +87,36 @@ class Lifting(_Rocking):
         return rows.turned(base, compliance * np.maximum(rows.moment_about(base) @ axis, 0.0)[:, None] * axis)
 
 
+class Platform(_Rocking):
+    """A rigid body on elastic feet: the moment about their centre p, beside, under or above the base origin, turns it by
+    (c_x M_x, c_y M_y, c_z M_z) about p, and the force moves it by (s_x F_x, s_y F_y, s_z F_z)."""
+
+    law = "platform"
+    formula_source = ("engineering judgement: springs under the corners of a rectangle, whose compliance about their centre is "
+                      "diagonal")
+    parameters = (
+        *(replace(COMPLIANCE, name=f"{axis}_rad_per_nm") for axis in "xyz"),
+        *(Parameter(f"{axis}_m_per_n", "m/N", 5e-8, 0.0, 4e-6,
+                    source="engineering judgement: 2e7 N/m, 15 um under the 300 N of the paper's sect. 4",
+                    bounds_source="engineering judgement: as for base_shift") for axis in "xyz"),
+        *(Parameter(f"centre_{axis}_m", "m", 0.5, low, high, grid=grid, shape=True,
+                    source="engineering judgement: robots stand off the middle of a platform, and upon it",
+                    bounds_source="engineering judgement: platforms of a few metres, as low as a pit")
+          for axis, low, high, grid in zip("xyz", (-2.0, -2.0, -3.0), (2.0, 2.0, 1.0), CENTRES, strict=True)),
+    )
+    sentence = "what the robot stands on moves and tilts under load: a platform on elastic feet, a frame, a soft floor"
+    settles = "dial gauges at three corners of what the robot stands on while the tool is loaded"
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        turns, shifts, centre = np.reshape(values, (3, 3))
+        pivot = np.broadcast_to(centre, (len(rows), 3))
+        moved = rows.turned(pivot, rows.moment_about(pivot) * turns)
+        moved[:, :3] += rows.wrench[:, :3] * shifts
+        return moved
+
+
 class BaseRocking(_Rocking):
     """c_x = c_y: a foot that gives way alike to all sides."""
 
-    other_laws = (AboutEach(), Column(), Lifting())
+    other_laws = (AboutEach(), Column(), Lifting(), Platform())
     parameters = (COMPLIANCE,)

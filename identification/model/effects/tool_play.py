@@ -10,6 +10,8 @@ from identification.model.load_state import LoadState
 
 # A force [N] and a moment [N m] from which on what has play has gone over (engineering judgement: they overcome its friction).
 GOES_OVER_N, GOES_OVER_NM = 20.0, 5.0
+# What a clamp holds, in shares of the largest moment of the rows.
+SHARES = (0.15, 0.3, 0.5, 0.7)
 
 
 class _Play(Effect):
@@ -34,9 +36,7 @@ class Tilting(_Play):
     sentence = "the tool tilts to and fro on the flange, by the play of its changer or its mount"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        axis, pivot = rows.flange[:, :, 2], rows.origins[:, 5]
-        moment = rows.moment_about(pivot)
-        across = moment - axis * np.sum(axis * moment, axis=1, keepdims=True)
+        pivot, across = _across_flange(rows)
         return rows.turned(pivot, values[0] * _towards(across, GOES_OVER_NM))
 
 
@@ -58,10 +58,39 @@ class Hinge(_Play):
         return rows.turned(pivot, half_gap * _towards(moment, GOES_OVER_NM) * axis)
 
 
+class Opens(_Play):
+    """Tilt about the flange by `c (|M| - m)` once the load's moment M across flange z passes what holds it, m: a changer or a
+    clamp whose preload is too small."""
+
+    law = "opens"
+    formula_source = "engineering judgement: a joint that is held by a preload, and opens in proportion to what passes it"
+    parameters = (
+        Parameter("compliance_rad_per_nm", "rad/(N*m)", 1e-6, 0.0, 1e-4,
+                  source="engineering judgement: 1e6 N m/rad, five times a large wrist's",
+                  bounds_source="engineering judgement: rigid, to a coupling that hangs by its ball locks alone"),
+        Parameter("holds_nm", "N*m", 100.0, 1.0, 5000.0, grid=SHARES, shape=True,
+                  source="engineering judgement: it shows where it is a part of the largest moment in the rows",
+                  bounds_source="engineering judgement: held by hand, to what no load test reaches"),
+    )
+    sentence = "what clamps the tool opens under load: it tilts on the flange once the moment passes the clamp's preload"
+    settles = "a dial gauge across the changer's gap while the load on the tool grows"
+
+    def grid(self, rows: LoadState, joint: int | None, parameter: Parameter) -> tuple[float, ...]:
+        largest = np.linalg.norm(_across_flange(rows)[1], axis=1).max(initial=1.0)
+        return tuple(share * float(largest) for share in parameter.grid)
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        compliance, holds = values
+        pivot, across = _across_flange(rows)
+        size = np.linalg.norm(across, axis=1, keepdims=True)
+        beyond = np.maximum(size - holds, 0.0)
+        return rows.turned(pivot, compliance * beyond * across / np.maximum(size, 1e-300))
+
+
 class ToolPlay(_Play):
     """Half the play, in the direction of the force across tool z: a worn spindle bearing, a holder that does not sit."""
 
-    other_laws = (Tilting(), Hinge())
+    other_laws = (Tilting(), Hinge(), Opens())
     parameters = (Parameter("half_gap_m", "m", 1e-5, 0.0, 5e-4,
                             source="engineering judgement: a worn spindle bearing has 5 to 20 um",
                             bounds_source="engineering judgement: none, to what is felt by hand"),)
@@ -71,6 +100,13 @@ class ToolPlay(_Play):
         axis, force = rows.tool[:, :, 2], rows.wrench[:, :3]
         across = force - axis * np.sum(axis * force, axis=1, keepdims=True)
         return np.concatenate([values[0] * _towards(across, GOES_OVER_N), np.zeros_like(across)], axis=1)
+
+
+def _across_flange(rows: LoadState) -> tuple[Array, Array]:
+    """The flange's places (n, 3) [m], and the part (n, 3) [N m] of the load's moment there across flange z."""
+    axis, pivot = rows.flange[:, :, 2], rows.origins[:, 5]
+    moment = rows.moment_about(pivot)
+    return pivot, moment - axis * np.sum(axis * moment, axis=1, keepdims=True)
 
 
 def _towards(pull: Array, goes_over: float) -> Array:

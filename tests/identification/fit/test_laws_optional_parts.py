@@ -3,6 +3,7 @@ fine grid of sizes with dense covariance matrices."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,8 +12,14 @@ import pytest
 from scipy.stats import halfcauchy, multivariate_normal, norm
 
 from identification.fit.linearised import Linearised
-from identification.fit.noise import NoiseModel, VarianceComponents
+from identification.fit.load_test import LoadTest
+from identification.fit.noise import SETUP, NoiseModel, VarianceComponents
 from identification.fit.optional_parts import averaged_trials
+from identification.fit.posterior import posterior
+from identification.measurements import read_measurements
+from identification.model.cell import read_cell
+from identification.model.compliance import equilibrium
+from tests.support import random_poses
 
 VISITS, ROWS = 4, 5
 COUNT = VISITS * ROWS
@@ -80,3 +87,24 @@ def test_each_way_weighs_what_it_is_worth(setup: float) -> None:
             assert np.log(share[way] / share[best]) == pytest.approx(value - ways[best], abs=0.15), way
         else:
             assert share[way] < 0.02, way
+
+
+def test_a_weight_is_as_heavy_at_every_pose(tmp_path: Path) -> None:
+    """Readings that are stretched from pose to pose by some per cent: loads set up anew may do that, known masses may not."""
+    (tmp_path / "cell.yaml").write_text("robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\n"
+                                        "measurement: {deflection_std_um: [2, 2, 2]}\n")
+    cell, rng = read_cell(tmp_path / "cell.yaml"), np.random.default_rng(4)
+    theta, mass = np.repeat(random_poses(cell.robot, 9, rng, 0.6), 5, axis=0), np.tile([20, 40, 60, 40, 20], 9)
+    pull = np.outer(mass * 9.80665, [0, 0, -1, 0, 0, 0])
+    read = equilibrium(cell.robot, theta, cell.flange_from_tcp, pull, 1 / cell.prior.stiffness).position
+    read = read * np.repeat(rng.normal(1.0, 0.03, 9), 5)[:, None] + rng.normal(0, 2e-6, read.shape)
+
+    def set_up_anew(columns: str, loads: np.ndarray) -> bool:
+        table = np.column_stack([np.degrees(theta), loads, 1e6 * read])
+        lines = ["q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg," + columns + ",dx_um,dy_um,dz_um",
+                 *(",".join(f"{value:.9g}" for value in row) for row in table)]
+        (tmp_path / "m.csv").write_text("\n".join(lines) + "\n")
+        return posterior(LoadTest.of(cell, read_measurements(tmp_path / "m.csv", cell))).at_map.noise.active[SETUP]
+
+    assert set_up_anew("fx_n,fy_n,fz_n", pull[:, :3])
+    assert not set_up_anew("mass_kg", mass[:, None])

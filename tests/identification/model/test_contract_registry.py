@@ -25,7 +25,7 @@ CONTRACT = [
     "force_gain", "force_misalignment", "side_load", "tool_point", "deflection_sensor_gain", "deflection_sensor_rotation",
     "target_curvature", "drift", "creep", "channel_delay", "joint_friction", "motor_inertia", "sensor_step",
     "hook_offset", "swinging_weight", "transmission_error", "soft_track", "stand_compliance",
-    "gear_creep", "lost_motion", "load_leak", "reading_point", "gauge_friction", "load_friction", "hook_weight",
+    "gear_creep", "lost_motion", "soft_gears", "load_leak", "reading_point", "gauge_friction", "load_friction", "hook_weight",
     "force_curve", "tool_play", "gear_softening",
     "force_axis_gain", "force_crosstalk", "force_offset", "deflection_sensor_crosstalk", "encoder_zero", "softening"]
 

@@ -280,6 +280,22 @@ def test_a_changer_on_two_pins_tips_about_them_alone() -> None:
     assert_allclose(moved[:, :3], np.cross(turned, rows.flange @ TOOL.position), atol=1e-15)
 
 
+def test_a_clamp_opens_where_the_moment_passes_what_holds_it() -> None:
+    """Shut below, and beyond it tilts as the moment turns it; a moment about the flange's own axis does nothing."""
+    rows = replace(loaded(np.zeros((5, 6)), poses=1), at_load=True)
+    across = np.array([np.cos(0.6), np.sin(0.6), 0.0])
+    moment = np.outer([60, 100, 160, -300, 0], across) + np.outer([0, 0, 50, 0, 400], [0.0, 0.0, 1.0])
+    wrench = np.concatenate([np.zeros((5, 3)), np.einsum("nij,nj->ni", rows.flange, moment)], axis=1)
+    rows = load_state(rows.robot, TOOL, rows.theta, wrench, COMPLIANCE, at_load=True)
+    turned = 1e-6 * np.array([0, 0, 60, -200, 0])[:, None] * (rows.flange @ across)
+    opens = law("tool_play.opens")
+    moved = opens.contribution(rows, None, np.array([1e-6, 100.0]))
+    assert_allclose(moved[:, 3:], turned, atol=1e-15)
+    assert_allclose(moved[:, :3], np.cross(turned, rows.flange @ TOOL.position), atol=1e-15)
+    held = [shape.values(np.array([1e-6]))[1] for shape in opens.signatures(rows, None)]
+    assert 0 < min(held) < max(held) < 300
+
+
 def test_a_disc_that_weighs_otherwise_is_in_every_load_from_its_own_on() -> None:
     plumb = np.array([0.0, 0.0, -1.0])
     rows = loaded(forces([0.0, 100, 200, 300, 200, 100, 0], plumb), poses=1)

@@ -34,7 +34,8 @@ def drawn(count: int = 8, *, heavy: bool = False, moments: bool = False) -> Load
 
 
 @pytest.mark.parametrize(("law", "joint", "values"), [
-    ("link_bending.twist", 2, [1e-7]), ("link_bending.beam", 2, [1e-7]), ("base_rocking.column", None, [5e-8, 0.7])])
+    ("link_bending.twist", 2, [1e-7]), ("link_bending.beam", 2, [1e-7]), ("base_rocking.column", None, [5e-8, 0.7]),
+    ("base_rocking.platform", None, [3e-8, 5e-8, 2e-8, 4e-8, 6e-8, 3e-8, 0.4, -0.2, -0.8])])
 def test_maxwell_betti(law: str, joint: int | None, values: list[float]) -> None:
     """What a load along a moves along b, the same load along b moves along a; no load gains energy."""
     rows, effect = drawn(), known(law)
@@ -321,6 +322,53 @@ def test_lost_motion_is_the_friction_of_every_gear() -> None:
     values = np.append(amplitudes, wind_up)
     assert_allclose(law.contribution(rows, None, values), plain, atol=1e-15)
     assert_allclose(law.of_each_visit(rows, None, values), begun, atol=1e-15)
+
+
+def test_a_platform_stands_on_its_feet() -> None:
+    """Four feet at the corners of a rectangle, each a spring along x, y and z: the body's stiffness, foot by foot, inverted."""
+    rows, platform = drawn(moments=True), known("base_rocking.platform")
+    assert platform is not None
+    centre, (a, b), k = np.array([0.4, -0.25, -0.7]), (0.9, 0.6), np.array([2e7, 3e7, 5e7])
+    stiffness = np.zeros((6, 6))
+    for sx, sy in product((-1, 1), (-1, 1)):
+        x, y, z = centre + np.array([sx * a, sy * b, 0.0])
+        # A foot's displacement u + turn x r, of a body that moves by u at the base origin.
+        way = np.hstack([np.eye(3), np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])])
+        stiffness += way.T @ np.diag(k) @ way
+    turns = 1 / (4 * np.array([k[2] * b**2, k[2] * a**2, k[0] * b**2 + k[1] * a**2]))
+    load = np.concatenate([rows.wrench[:, :3], np.cross(rows.tcp, rows.wrench[:, :3]) + rows.wrench[:, 3:]], axis=1)
+    moved = np.linalg.solve(stiffness, load.T).T
+    at_tcp = np.concatenate([moved[:, :3] + np.cross(moved[:, 3:], rows.tcp), moved[:, 3:]], axis=1)
+    values = np.concatenate([turns, 1 / (4 * k), centre])
+    assert_allclose(platform.contribution(rows, None, values), at_tcp, rtol=1e-9, atol=1e-15)
+
+
+def test_every_gear_is_softer_near_zero() -> None:
+    """Each by its own further twist, up to where its weight and the load wind it up by an angle that all have in common."""
+    rows, law = drawn(heavy=True), known("soft_gears")
+    assert law is not None
+    wind_up, extra = 6e-5, 1e-5 * np.array([3.0, 1.0, 2.0, 0.5, 4.0, 1.5])
+    plain = np.zeros((len(rows), 6))
+    for joint, row in product(range(6), range(len(rows))):
+        limit = wind_up / COMPLIANCE[joint]
+        before = rows.gravity[row, joint]
+        under_load = before + rows.torque[row, joint]
+        shares = [max(-1.0, min(1.0, torque / limit)) for torque in (before, under_load)]
+        plain[row] += extra[joint] * (shares[1] - shares[0]) * rows.jacobian[row, :, joint]
+    assert_allclose(law.contribution(rows, None, np.append(extra, wind_up)), plain, atol=1e-15)
+
+
+def test_gears_that_roll_wind_up_by_a_power_of_the_torque() -> None:
+    """What the springs wind up by u, they wind up by 1 mrad (u / 1 mrad)^(1 - p)."""
+    rows, rolling = drawn(), known("soft_gears.rolling")
+    assert rolling is not None
+    plain = np.zeros((len(rows), 6))
+    for joint, row in product(range(6), range(len(rows))):
+        wound = 1e3 * COMPLIANCE[joint] * rows.torque[row, joint]
+        further = 1e-3 * (np.sign(wound) * abs(wound) ** 0.8 - wound)
+        plain[row] += further * rows.jacobian[row, :, joint]
+    assert_allclose(rolling.contribution(rows, None, np.array([0.2])), plain, atol=1e-14)
+    assert_allclose(rolling.contribution(rows, None, np.zeros(1)), 0.0)
 
 
 def cycled(poses: int) -> LoadState:
