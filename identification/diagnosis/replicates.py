@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import NoiseModel, VarianceComponents
+from identification.fit.noise import NoiseModel, SetUp, VarianceComponents
 from identification.fit.optional_parts import possible
 from identification.fit.posterior import Posterior
 from identification.fit.variance_components import Trials
@@ -79,8 +79,8 @@ class AveragedNoise:
         """Noise (n, 3, count) in the model's coordinates, each draw with variance components of their own."""
         share = np.cumsum(self.trials.weight)
         number = np.searchsorted(share, share[-1] * rng.random(count))
-        turned, drawn = self.trials.turned[number], []
-        for way in (True, False):
-            noise = self.model.with_parts(*possible(self.model), turned=way)
-            drawn.append(noise.draw(np.exp(self.trials.logs[number[turned == way]]), self.row_weight, rng))
+        set_up, drawn = self.trials.set_up[number], []
+        for way in SetUp:
+            noise = self.model.with_parts(*possible(self.model), set_up=way)
+            drawn.append(noise.draw(np.exp(self.trials.logs[number[set_up == way]]), self.row_weight, rng))
         return np.concatenate(drawn, axis=2)

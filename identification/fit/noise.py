@@ -6,19 +6,20 @@ The covariance of the deflections of the rows of one pose visit (docs/effects.md
     force      f^2 G (R F)^2 G^T / w     each row's own error, R of each component of the force, carried through the first-order
                                          compliance G = J diag(c) J^T
     absolute   a^2 G N G^T / w           each loaded row's own error, alike in every direction
-    setup      v^2 G_n diag(F_n F_m) G_m^T, and t^2 times what is beside that diagonal in v^2 (F_n . F_m) G_n G_m^T: how far one
-                                         visit's forces are stretched, each component by itself, and turned: the rig is set up
-                                         anew
+    setup      v^2 G_n M G_m^T           how far one visit's forces are off, since the rig is set up anew: in size alone, M =
+                                         F_n F_m^T; stretched, each component by itself, M = diag(F_n F_m); or turned too,
+                                         M = (F_n . F_m) I (`SetUp`)
     offset     o^2 O                     re-seating, one draw a visit
 
 s, f, a, v, o and rho are estimated by restricted maximum likelihood (the stiffnesses integrated out), v and rho only where the
-rows ask for them, and t, which is 1 or 0, with v (variance_components.py). w_n is the row's weight in a Student likelihood
-whose degrees of freedom are estimated too: 1 for ordinary rows, small for gross errors.
+rows ask for them, and which of the three set-ups are with v (variance_components.py). w_n is the row's weight in a Student
+likelihood whose degrees of freedom are estimated too: 1 for ordinary rows, small for gross errors.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from functools import cached_property
 from itertools import pairwise
 
@@ -52,11 +53,20 @@ SMALLEST_LOG = -4.6
 LARGEST_RATIO = 1e4
 
 
+class SetUp(IntEnum):
+    """How the forces of one visit are off against those of the next: all components by one share, as by a load cell that is
+    zeroed and loaded anew; each by its own; or turned as far as they are stretched."""
+
+    SIZED = 0
+    STRETCHED = 1
+    TURNED = 2
+
+
 @dataclass(frozen=True)
 class VarianceComponents:
     """Square roots of the variance components of the parts, as multiples of what is stated of each (of what is usual where
-    nothing is stated); memory: the odds rho / (1 - rho), likewise; and the Student degrees of freedom. turned: whether a
-    visit's forces are turned as far as they are stretched, not stretched alone."""
+    nothing is stated); memory: the odds rho / (1 - rho), likewise; and the Student degrees of freedom; set_up: how a
+    visit's forces are off."""
 
     sensor: float = 1.0
     force: float = 1.0
@@ -65,7 +75,7 @@ class VarianceComponents:
     setup: float = 0.0
     memory: float = 0.0
     degrees: float = np.inf
-    turned: bool = True
+    set_up: SetUp = SetUp.TURNED
 
     @property
     def values(self) -> Array:
@@ -97,7 +107,7 @@ class VarianceComponents:
 
     def of_the_usual_parts(self) -> VarianceComponents:
         """Without the parts that come in only where the rows ask for them."""
-        return replace(self, setup=0.0, memory=0.0, turned=True)
+        return replace(self, setup=0.0, memory=0.0, set_up=SetUp.TURNED)
 
     def with_logs(self, logs: Array) -> VarianceComponents:
         """The same with multiples of these logarithms (6,)."""
@@ -106,7 +116,7 @@ class VarianceComponents:
     def with_values(self, values: Array) -> VarianceComponents:
         """The same with other multiples (6,)."""
         sensor, force, absolute, offset, setup, memory = (float(value) for value in values)
-        return VarianceComponents(sensor, force, absolute, offset, setup, memory, self.degrees, self.turned)
+        return VarianceComponents(sensor, force, absolute, offset, setup, memory, self.degrees, self.set_up)
 
 
 PARTS = ("sensor", "force", "absolute", "offset", "setup", "memory")
@@ -131,7 +141,7 @@ class NoiseModel:
     the force error in these units. setups (n, 3, 9): what an error of each component by each component of a visit's forces
     does to its rows. measured (n, 3). visit (n,): pose visit, from 0. offset (3,): stated standard deviation of the re-seating
     offset [m]. stated (6,): which of PARTS the cell file states. active (6,): which of PARTS there are.
-    turned: as in VarianceComponents. further (n, 3, d): what else each visit may do, by itself, 1 sigma each.
+    set_up: as in VarianceComponents. further (n, 3, d): what else each visit may do, by itself, 1 sigma each.
     """
 
     whitening: Array
@@ -143,7 +153,7 @@ class NoiseModel:
     offset: Array
     stated: tuple[bool, ...]
     active: tuple[bool, ...]
-    turned: bool = True
+    set_up: SetUp = SetUp.TURNED
     further: Array | None = None
 
     def whitened(self, moved: Array) -> Array:
@@ -161,9 +171,9 @@ class NoiseModel:
         repeated = bool(np.any(np.bincount(self.visit, self.measured.any(axis=1)) > 1))
         return bool(np.any(np.linalg.norm(self.force, axis=(1, 2)) > 0.1)), repeated
 
-    def with_parts(self, *parts: int, turned: bool = True) -> NoiseModel:
+    def with_parts(self, *parts: int, set_up: SetUp = SetUp.TURNED) -> NoiseModel:
         """With these parts active too."""
-        return replace(self, active=tuple(known or part in parts for part, known in enumerate(self.active)), turned=turned)
+        return replace(self, active=tuple(known or part in parts for part, known in enumerate(self.active)), set_up=set_up)
 
     def of_rows(self, rows: NDArray[np.bool_ | np.intp]) -> NoiseModel:
         """The noise of some of the rows, or of all in another order."""
@@ -227,8 +237,11 @@ class NoiseModel:
 
     @property
     def setup_loading(self) -> Array:
-        """What a set-up does to its rows (n, 3, 9), or (n, 3, 3) where forces are stretched alone."""
-        return self.setups if self.turned else self.setups[:, :, ::4]
+        """What a set-up does to its rows: (n, 3, 1) in size, (n, 3, 3) stretched, (n, 3, 9) turned."""
+        if self.set_up is SetUp.TURNED:
+            return self.setups
+        stretched = self.setups[:, :, ::4]
+        return stretched if self.set_up is SetUp.STRETCHED else stretched.sum(axis=2, keepdims=True)
 
     def loading_scale(self, values: Array) -> Array:
         """Size (..., r) of each column of `loading` for multiples (..., 6)."""
@@ -384,7 +397,7 @@ def sensor_sigma(data: LoadTest) -> Array:
 def residual_std(data: LoadTest, components: VarianceComponents, compliance: Array, further: Array | None = None) -> Array:
     """1 sigma of each component's residual (n, 3) [m] under noise of these components, all of its parts; further: as in
     NoiseModel."""
-    noise, values = noise_model(data, compliance).with_parts(turned=components.turned), components.values**2
+    noise, values = noise_model(data, compliance).with_parts(set_up=components.set_up), components.values**2
     own = values[SENSOR] + sum(values[part] * np.sum(root**2, axis=2) for part, root in (
         (FORCE, noise.force), (ABSOLUTE, noise.absolute)))
     # A Student distribution's variance is more than its scale squared.

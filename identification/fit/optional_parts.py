@@ -23,6 +23,7 @@ from identification.fit.noise import (
     SETUP,
     SMALLEST_LOG,
     NoiseModel,
+    SetUp,
     VarianceComponents,
 )
 from identification.fit.variance_components import ComponentPosterior, Trials, likeliest, log_covariance, trial_components
@@ -45,15 +46,15 @@ BEGIN = 2.0
 
 
 class Way(NamedTuple):
-    """One way in which the optional parts may be there: which are; whether set-ups turn the forces."""
+    """One way in which the optional parts may be there: which are; how set-ups differ."""
 
     parts: tuple[int, ...]
-    turned: bool
+    set_up: SetUp
 
     def noise(self, model: NoiseModel) -> NoiseModel:
         """The noise with these of the optional parts and no other."""
         usual = tuple(known and part not in OPTIONAL for part, known in enumerate(model.active))
-        return replace(model, active=usual).with_parts(*self.parts, turned=self.turned)
+        return replace(model, active=usual).with_parts(*self.parts, set_up=self.set_up)
 
 
 def possible(noise: NoiseModel) -> tuple[int, ...]:
@@ -67,18 +68,20 @@ def possible(noise: NoiseModel) -> tuple[int, ...]:
 def asked_for(at: Linearised, components: VarianceComponents) -> Way:
     """The parts that the rows ask for beyond the usual ones."""
     plain = float(ComponentPosterior(at).likelihood(components.logs[None])[0])
-    asked, turned = [], True
+    asked, set_up = [], SetUp.TURNED
     for part in possible(at.noise):
         logs = np.repeat(components.logs[None], len(SIZES) * len(LEFT), axis=0)
         logs[:, part] = np.tile(np.log(SIZES), len(LEFT))
         logs[:, TAKEN_FOR[part]] += np.repeat(np.log(LEFT), len(SIZES))[:, None]
-        ways = (True, False) if part == SETUP else (True,)
-        likely = [float(ComponentPosterior(replace(at, noise=at.noise.with_parts(part, turned=way))).likelihood(logs).max())
-                  for way in ways]
-        if max(likely) > plain + WORTH_A_PART:
+        likely = {}
+        for way in SetUp if part == SETUP else (SetUp.TURNED,):
+            of_way = ComponentPosterior(replace(at, noise=at.noise.with_parts(part, set_up=way)))
+            likely[way] = float(of_way.likelihood(logs).max())
+        best = max(likely, key=lambda way: likely[way])
+        if likely[best] > plain + WORTH_A_PART:
             asked.append(part)
-            turned = turned and likely[0] == max(likely)
-    return Way(tuple(asked), turned)
+            set_up = best if part == SETUP else set_up
+    return Way(tuple(asked), set_up)
 
 
 def averaged_trials(at: Linearised, components: VarianceComponents, beside: Array) -> Trials:
@@ -104,14 +107,14 @@ def averaged_trials(at: Linearised, components: VarianceComponents, beside: Arra
             for trials, way in each]
     weight = [np.exp(value - total) * trials.weight for value, (trials, _) in zip(log_weight, each, strict=True)]
     return Trials(np.concatenate(logs), np.concatenate(weight), np.concatenate([trials.gram for trials, _ in each]), total,
-                  np.concatenate([trials.turned for trials, _ in each]))
+                  np.concatenate([trials.set_up for trials, _ in each]))
 
 
 def _ways(parts: tuple[int, ...]) -> list[Way]:
-    setups = [Way((), True), *([Way((SETUP,), True), Way((SETUP,), False)] if SETUP in parts else [])]
-    return setups + [Way((*way.parts, MEMORY), way.turned) for way in setups if MEMORY in parts]
+    setups = [Way((), SetUp.TURNED), *(Way((SETUP,), each) for each in SetUp if SETUP in parts)]
+    return setups + [Way((*way.parts, MEMORY), way.set_up) for way in setups if MEMORY in parts]
 
 
 def _log_prior(way: Way) -> float:
-    """ln of how likely a way is beforehand, without the constant: set-ups turn the forces or do not."""
-    return -np.log(2.0) if SETUP in way.parts else 0.0
+    """ln of how likely a way is beforehand, without the constant: set-ups differ in any of the ways alike."""
+    return -float(np.log(len(SetUp))) if SETUP in way.parts else 0.0

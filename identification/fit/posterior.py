@@ -31,7 +31,7 @@ from identification.fit.fitted_model import Term, predicted_deflection, response
 from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
 from identification.fit.marginal import Draws, posterior_draws, shrunk
-from identification.fit.noise import NoiseModel, VarianceComponents, Weights, noise_model
+from identification.fit.noise import NoiseModel, SetUp, VarianceComponents, Weights, noise_model
 from identification.fit.optional_parts import Way, asked_for, averaged_trials
 from identification.fit.priors import PriorModel
 from identification.fit.sag import BesideWeight, sag_columns
@@ -212,17 +212,17 @@ def posterior(
     x = np.concatenate([_start(data, model.readings) if near is None else near.log_compliance, *(term.start for term in terms)])
     components = VarianceComponents() if near is None else near.components.of_the_usual_parts()
     row_weight = np.ones(len(rows))
-    further = Way((), True)
+    further = Way((), SetUp.TURNED)
     for number in range(MAX_ROUNDS):
         before, last_weight = components, row_weight
-        noise = model.noise(x).with_parts(*further.parts, turned=further.turned)
+        noise = model.noise(x).with_parts(*further.parts, set_up=further.set_up)
         at = model.linearised(noise, row_weight, x)
         components = likeliest(ComponentPosterior(at), components)
         if number == 1 and not usual_noise:
             # Near enough to the MAP to see whether the rows ask for more than they usually do.
             further = asked_for(at, components)
-            components = replace(components, turned=further.turned)
-            noise = noise.with_parts(*further.parts, turned=further.turned)
+            components = replace(components, set_up=further.set_up)
+            noise = noise.with_parts(*further.parts, set_up=further.set_up)
             at = replace(at, noise=noise)
             components = likeliest(ComponentPosterior(at), components) if further.parts else components
         row_weight, degrees = student_weights(noise, components, at.weights(components), at.residual)

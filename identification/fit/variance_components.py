@@ -45,14 +45,14 @@ TRIAL_STRETCH, TRIAL_DEGREES = 1.3, 4.0
 @dataclass(frozen=True, eq=False)
 class Trials:
     """Components as likely as their weight (S,) says: logs (S, 6); gram (S, q, q) of the rows with these components, None where
-    they were told from a part of the rows; log_evidence: ln likelihood of the rows, the components integrated out; turned (S,):
-    whether set-ups turn the forces (noise.py)."""
+    they were told from a part of the rows; log_evidence: ln likelihood of the rows, the components integrated out; set_up (S,):
+    how set-ups differ (`SetUp`)."""
 
     logs: Array
     weight: Array
     gram: Array | None
     log_evidence: float
-    turned: NDArray[np.bool_]
+    set_up: NDArray[np.intp]
 
 
 class ComponentPosterior:
@@ -197,7 +197,7 @@ def trial_components(posterior: ComponentPosterior, components: VarianceComponen
                 + gammaln(0.5 * (TRIAL_DEGREES + len(free))) - gammaln(0.5 * TRIAL_DEGREES))
     total = float(logsumexp(value - proposal))
     return Trials(logs, np.exp(value - proposal - total), gram if posterior.whole else None, total - float(np.log(count)),
-                  np.full(count, posterior.noise.turned))
+                  np.full(count, posterior.noise.set_up))
 
 
 def _even(count: int, dimensions: int) -> Array:

@@ -6,13 +6,19 @@ import numpy as np
 
 from identification.common.findings import Finding
 from identification.fit.mending import WORTH_TELLING, BadVisit
-from identification.fit.noise import MEMORY, SETUP
+from identification.fit.noise import MEMORY, SETUP, SetUp
 from identification.fit.posterior import Posterior
 from identification.fit.validation import Validation
 from identification.fit.visits import VisitTest
 
 # Rows are counted in words up to here.
 WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+# How the forces of set-ups differ, and what to do about it.
+SET_UP_IN_WORDS = {
+    SetUp.SIZED: ("larger or smaller", "zero the load cell unloaded at each pose, let it warm up, and load along its axis"),
+    SetUp.STRETCHED: ("stretched", "the sensor's readings are off by another share at each pose: let it warm up, and load "
+                      "along one of its axes"),
+    SetUp.TURNED: ("stretched and turned", "align the loading device anew at each pose with a level or a square")}
 
 
 def sentence(bad: BadVisit) -> str:
@@ -69,10 +75,7 @@ def not_independent(fitted: Posterior) -> list[Finding]:
                                 f"(correlation {components.rho:.2f}): they tell less than so many readings of their own",
                                 file=source, hint="wait longer between readings, or take more poses"))
     if active[SETUP]:
-        words, hint = (("stretched and turned", "align the loading device anew at each pose with a level or a square")
-                       if components.turned else
-                       ("stretched", "the sensor's readings are off by another share at each pose: let it warm up, and load "
-                        "along one of its axes"))
+        words, hint = SET_UP_IN_WORDS[components.set_up]
         findings.append(Finding("CS1041", "note", f"the forces of one visit are {words} against those of the next, "
                                 f"by {100 * components.setup_relative:.2g} % of the load", file=source, hint=hint))
     return findings

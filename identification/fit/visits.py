@@ -177,7 +177,7 @@ def score_visits(fitted: Posterior, data: LoadTest, rng: np.random.Generator, re
     apart = np.unique(2 * rows.visit + was_fitted, return_inverse=True)[1].astype(np.intp)
     further = [part for part in (SETUP, MEMORY) if fitted.at_map.noise.active[part]]
     noise = noise_model(data.with_rows(replace(rows, visit=apart)), fitted.compliance).with_parts(
-        *further, turned=fitted.components.turned)
+        *further, set_up=fitted.components.set_up)
     shared_force = max(SHARED_FORCE, fitted.components.setup_relative)
     row_weight = np.ones(len(rows))
     row_weight[was_fitted] = _matched(fitted, rows.row[was_fitted])

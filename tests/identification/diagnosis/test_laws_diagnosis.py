@@ -24,7 +24,7 @@ from identification.diagnosis.projection import Base, evidence
 from identification.diagnosis.replicates import AveragedNoise, FittedNoise
 from identification.fit.fitted_model import Term, predicted_deflection, response
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import MEMORY, SETUP
+from identification.fit.noise import MEMORY, SETUP, SetUp
 from identification.fit.posterior import posterior
 from identification.fit.variance_components import Trials
 from identification.measurements import Measurements, read_measurements
@@ -135,21 +135,21 @@ def test_replicates_follow_the_stated_noise(tmp_path: Path) -> None:
 
 
 def test_replicates_follow_the_ways_of_the_noise_as_often_as_they_are_likely(tmp_path: Path) -> None:
-    """Set-ups that turn the forces, such that stretch them alone, and none: each trial draws what its own weights invert, and
-    as large a share of all as its weight."""
+    """Set-ups that turn the forces, such that stretch them or make them larger, and none: each trial draws what its own weights
+    invert, and as large a share of all as its weight."""
     cell, rows = read(simulate(0, "ladder12"), tmp_path)
     fit = posterior(LoadTest.of(cell, rows))
-    model, logs = fit.at_map.noise, np.tile(fit.components.logs, (3, 1))
-    logs[:2, SETUP] = np.log(80.0)
-    turned = np.array([True, False, True])
-    for k, weight in enumerate(np.eye(3)):
-        drawn = AveragedNoise(model, Trials(logs, weight, None, 0.0, turned), np.ones(len(rows))).draw(
+    model, logs = fit.at_map.noise, np.tile(fit.components.logs, (4, 1))
+    logs[:3, SETUP] = np.log(80.0)
+    set_up = np.array([SetUp.TURNED, SetUp.STRETCHED, SetUp.SIZED, SetUp.TURNED])
+    for k, weight in enumerate(np.eye(4)):
+        drawn = AveragedNoise(model, Trials(logs, weight, None, 0.0, set_up), np.ones(len(rows))).draw(
             np.random.default_rng(k), 200)
         own = fit.components.with_logs(logs[k])
-        weights = model.with_parts(SETUP, MEMORY, turned=bool(turned[k])).weights(own)
+        weights = model.with_parts(SETUP, MEMORY, set_up=SetUp(set_up[k])).weights(own)
         squares = np.sum(drawn * weights.apply(drawn), axis=(0, 1))
         assert kstest(squares, "chi2", args=(3 * len(rows),)).pvalue > 1e-3
-    mixed = AveragedNoise(model, Trials(logs, np.array([0.2, 0.1, 0.7]), None, 0.0, turned), np.ones(len(rows)))
+    mixed = AveragedNoise(model, Trials(logs, np.array([0.2, 0.05, 0.05, 0.7]), None, 0.0, set_up), np.ones(len(rows)))
     drawn = mixed.draw(np.random.default_rng(5), 400)
     plain = model.weights(fit.components)
     large = np.sum(drawn * plain.apply(drawn), axis=(0, 1)) > 4 * 3 * len(rows)

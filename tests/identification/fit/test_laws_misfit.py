@@ -17,6 +17,7 @@ from identification.fit import misfit
 from identification.fit.fit import Fit, fit_stiffness
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.evidence import log_evidence
+from identification.fit.noise import SetUp
 from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
 from identification.fit.posterior import posterior
 from identification.measurements import Measurements, read_measurements
@@ -105,7 +106,7 @@ def test_forces_set_up_anew_at_each_visit_reject_no_springs(seed: int, tmp_path:
     assert not fit.model.rejected
     assert fit.model.fit["model_check"]["p_value"] > 0.003
     # Errors of each component by itself turn no force but by stretching it.
-    assert not fit.posterior.components.turned
+    assert fit.posterior.components.set_up is SetUp.STRETCHED
     assert any(one.code == "CS1041" and " are stretched against " in one.message for one in fit.findings)
     assert 0.5 * case.noise.relative < fit.posterior.components.setup_relative < 2 * case.noise.relative
 

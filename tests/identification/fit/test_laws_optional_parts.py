@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.stats import halfcauchy, multivariate_normal, norm
 
 from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import SETUP, NoiseModel, VarianceComponents
+from identification.fit.noise import SETUP, NoiseModel, SetUp, VarianceComponents
 from identification.fit.optional_parts import averaged_trials
 from identification.fit.posterior import posterior
 from identification.measurements import read_measurements
@@ -67,17 +68,23 @@ def evidence(residual: np.ndarray, design: np.ndarray, setups: np.ndarray | None
     return float(np.log(total))
 
 
-@pytest.mark.parametrize("setup", [0.0, 2.0, 5.0])
-def test_each_way_weighs_what_it_is_worth(setup: float) -> None:
+@pytest.mark.parametrize(("setup", "sized"), [(0.0, False), (2.0, False), (5.0, False), (5.0, True)])
+def test_each_way_weighs_what_it_is_worth(setup: float, sized: bool) -> None:
     rng, model = np.random.default_rng(12), noise()
     design = rng.normal(size=(COUNT, 3, 2))
     stretched = model.setups[:, :, ::4]
-    residual = rng.multivariate_normal(np.zeros(3 * COUNT), covariance(stretched, 1.0, setup, 0.0)).reshape(COUNT, 3)
+    in_size = stretched.sum(axis=2, keepdims=True)
+    drawn = covariance(in_size if sized else stretched, 1.0, setup, 0.0)
+    residual = rng.multivariate_normal(np.zeros(3 * COUNT), drawn).reshape(COUNT, 3)
     prior: Any = SimpleNamespace(precision=lambda x: np.eye(2), gradient=lambda x: np.zeros(2))
     at = Linearised(model, design, residual, np.ones(COUNT), prior, np.zeros(2))
     trials = averaged_trials(at, VarianceComponents(), np.zeros((COUNT, 3, 0)))
-    ways = {(True, False): np.logaddexp(*[evidence(residual, design, each, False) - np.log(2.0)
-                                          for each in (model.setups, stretched)]),
+    of_kinds = [evidence(residual, design, each, False) - np.log(3.0) for each in (in_size, stretched, model.setups)]
+    kinds = [trials.weight[(trials.set_up == kind) & (trials.logs[:, 4] > -4.59) & (trials.logs[:, 5] <= -4.59)].sum()
+             for kind in SetUp]
+    likely = np.array(of_kinds) > max(of_kinds) - 3
+    assert_allclose(np.log(np.array(kinds)[likely] / max(kinds)), np.array(of_kinds)[likely] - max(of_kinds), atol=0.15)
+    ways = {(True, False): np.logaddexp.reduce(of_kinds),
             (False, True): evidence(residual, design, None, True), (False, False): evidence(residual, design, None, False)}
     share = {way: float(trials.weight[np.all((trials.logs[:, 4:] > -4.59) == way, axis=1)].sum()) for way in ways}
     assert trials.weight.sum() == pytest.approx(1)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from identification.fit.noise import SetUp
 from identification.fit.variance_components import trial_components
 
 
@@ -23,7 +24,7 @@ def test_weights_give_the_mean_and_covariance_of_a_normal_posterior(free: tuple[
 
     class Normal:
         rows, whole = 10, False
-        noise = SimpleNamespace(active=np.isin(np.arange(6), at), turned=True)
+        noise = SimpleNamespace(active=np.isin(np.arange(6), at), set_up=SetUp.TURNED)
 
         def __call__(self, logs: np.ndarray) -> tuple[np.ndarray, None]:
             off = logs[:, at] - mean
