@@ -16,7 +16,8 @@ from typing import Any
 # A name is an effect or a mistake's key; `@` asks for the joint that was hidden, `!` for the pose.
 RIGHT: dict[str, tuple[str, ...]] = {
     "backlash": ("backlash@",), "friction_loop": ("hysteresis@",), "soft_at_zero": ("soft_zone@",),
-    "one_sided": ("one_sided@",), "tooth_ripple": ("uneven_gear@", "gravity_compensator"), "creep": ("gear_creep@",), "wrist_cross": ("wrist_coupling",),
+    "one_sided": ("one_sided@",), "tooth_ripple": ("uneven_gear@", "gravity_compensator"),
+    "creep": ("gear_creep@",), "wrist_cross": ("wrist_coupling",),
     "gears_warm_up": ("softening",), "base_rocking": ("base_rocking",), "base_shift": ("base_shift",),
     "loose_bolt": ("base_rocking",), "lower_arm_bends": ("link_bending[2]",), "forearm_bends": ("link_bending[3]",),
     "bearing_tilts": ("bearing_tilt@",), "adapter_tilts": ("force_sensor_compliance", "bearing_tilt[6]"),
@@ -47,7 +48,7 @@ def name_of(cause: dict[str, Any]) -> str:
         return str(cause["mistake"])
     pose = cause.get("pose") or cause.get("parameters", {}).get("pose")
     pose = pose.get("estimate") if isinstance(pose, dict) else pose
-    return cause["effect"] + (f"[{cause['joint']}]" if cause.get("joint") else f"!{pose}" if pose else "")
+    return str(cause["effect"]) + (f"[{cause['joint']}]" if cause.get("joint") else f"!{pose}" if pose else "")
 
 
 def meets(name: str, wanted: tuple[str, ...], truth: dict[str, Any]) -> bool:
