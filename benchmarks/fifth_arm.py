@@ -114,7 +114,7 @@ def posture(arm: Arm, angles: Array, seats: tuple[tuple[int, Array, Array, Array
         for at, where, shift, vector in seats:
             if at == frame:
                 swung = turning(vector)
-                place = place + np.einsum("nij,nj->ni", turn, where + shift - np.einsum("nij,j->ni", swung, where))
+                place = place + np.einsum("nij,nj->ni", turn, where + shift - swung @ where)
                 turn = turn @ swung
         places.append(place)
         turns.append(turn)
@@ -144,25 +144,9 @@ def weight_torques(arm: Arm, stance: Posture) -> Array:
     return torques
 
 
-@dataclass(frozen=True)
-class Loads:
-    """Force and moment (N, 3) on the tool, and where they act: a place in the tool frame beyond the TCP (3,) [m]."""
-
-    force: Array
-    moment: Array
-    hook: Array
-
-    @classmethod
-    def at_tcp(cls, force: Array) -> Loads:
-        return cls(force, np.zeros_like(force), np.zeros(3))
-
-
-class Diverged(ArithmeticError):
-    """No equilibrium was found: the springs are far too soft for the load."""
-
-
-def equilibrium(arm: Arm, structure: Structure, shown: Array, loads: Loads) -> Posture:
-    """The posture in which every spring's turn is its law's answer to the torque that the posture gives it."""
+def equilibrium(arm: Arm, structure: Structure, shown: Array, force: Array, hook: Array | None = None) -> Posture:
+    """The posture in which every spring's turn is its law's answer to the torque that it gets: of forces (N, 3) on the tool,
+    which act at the TCP or beside it at `hook` (3,) in the tool frame, and of the arm's weight."""
     commanded = arm.serial(shown)
     angles, last = commanded, np.full((len(shown), 3), np.inf)
     seats: tuple[tuple[int, Array, Array, Array], ...] = ()
@@ -171,20 +155,16 @@ def equilibrium(arm: Arm, structure: Structure, shown: Array, loads: Loads) -> P
         if np.abs(stance.tcp - last).max() < 1e-11:
             return stance
         last = stance.tcp
-        at = stance.tcp + np.einsum("nij,j->ni", stance.tool, loads.hook)
-        moment = np.cross(at[:, None, :] - stance.origins, loads.force[:, None, :]) + loads.moment[:, None, :]
-        torques = np.einsum("nij,nij->ni", stance.axes, moment)
+        at = stance.tcp if hook is None else stance.tcp + stance.tool @ hook
+        torques = np.einsum("nij,nij->ni", stance.axes, np.cross(at[:, None, :] - stance.origins, force[:, None, :]))
         if structure.with_weight:
             torques = torques + weight_torques(arm, stance)
         angles = commanded + structure.gear(torques @ arm.drives) @ arm.drives.T
-        seats = tuple(_seat(stance, at, loads, *one) for one in structure.seats)
-    raise Diverged(f"{np.abs(stance.tcp - last).max():.1e} m from one round to the next")
+        seats = tuple(_seat(stance, at, force, *one) for one in structure.seats)
+    raise ArithmeticError(f"no equilibrium: {np.abs(stance.tcp - last).max():.1e} m from one round to the next")
 
 
-def _seat(stance: Posture, at: Array, loads: Loads, frame: int, where: Array, law: Seat) -> tuple[int, Array, Array, Array]:
-    back = np.swapaxes(stance.turns[:, frame], 1, 2)
-    seat = stance.places[:, frame] + np.einsum("nij,j->ni", stance.turns[:, frame], where)
-    moment = np.cross(at - seat, loads.force) + loads.moment
-    shift, turn = law(np.einsum("nij,nj->ni", back, loads.force), np.einsum("nij,nj->ni", back, moment))
-    return frame, where, shift, turn
-
+def _seat(stance: Posture, at: Array, force: Array, frame: int, where: Array, law: Seat) -> tuple[int, Array, Array, Array]:
+    turn = stance.turns[:, frame]
+    moment = np.cross(at - stance.places[:, frame] - turn @ where, force)
+    return frame, where, *law(np.einsum("nji,nj->ni", turn, force), np.einsum("nji,nj->ni", turn, moment))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks.fifth_arm import WEIGHT, Arm, Array, Gear, Loads, Seat, Structure, arm_of, equilibrium, posture, springs
+from benchmarks.fifth_arm import WEIGHT, Arm, Array, Gear, Seat, Structure, arm_of, equilibrium, posture, springs
 
 ARMS = ("irb6660-205-1.90", "irb4400-60", "irb6700-235-2.65", "irb6640-185-2.80", "kr210-r2700-extra", "kr60-ha",
         "r2000ic-210f", "m710ic-50")
@@ -49,18 +50,29 @@ class Trial:
         """For each row, the row of its visit's reference."""
         return np.searchsorted(self.visit, self.visit)
 
+    @property
+    def amount(self) -> Array:
+        """How large the force is (N, 1) [N]."""
+        return np.linalg.norm(self.force, axis=1, keepdims=True)
+
+    @property
+    def begins(self) -> NDArray[np.bool_]:
+        return self.first == np.arange(len(self.visit))
+
 
 @dataclass(frozen=True)
 class Hidden:
     """What differs from six springs, one sound rig and one sound table; all of it is optional."""
 
-    gear: Callable[[Trial], Gear] | None = None                         # beside the springs' own turns
+    gear: Gear | None = None                                            # beside the springs' own turns
     seats: tuple[tuple[int, Array, Seat], ...] = ()
-    loads: Callable[[Trial, Rng], Loads] | None = None
-    target: Array = field(default_factory=lambda: np.zeros(3))          # what is looked at, beyond the TCP, tool frame [m]
-    truly: Callable[[Trial], tuple[Arm, Array]] | None = None           # the arm and the angles (N, 6) that there really were
-    reading: Callable[[Trial, Array], Array] | None = None              # deflections (N, 3) [m] -> as the instrument has them
-    table: Callable[[Trial, dict[str, Array]], dict[str, Array]] | None = None
+    force: Callable[[Rng], Array] | None = None                         # the true forces (N, 3)
+    hook: Array = field(default_factory=lambda: np.zeros(3))            # where they act, beyond the TCP, tool frame [m]
+    target: Array = field(default_factory=lambda: np.zeros(3))          # what is looked at, likewise
+    angles: Array | None = None                                         # the true angles (N, 6)
+    tool: Array | None = None                                           # the true TCP in the flange (3,)
+    reading: Callable[[Array], Array] | None = None                     # deflections (N, 3) [m] -> as the instrument has them
+    table: Callable[[dict[str, Array]], dict[str, Array]] | None = None
     told: dict[str, Any] = field(default_factory=dict)
 
 
@@ -124,13 +136,13 @@ def trial(robot: str, design: str, instrument: Instrument, rng: Rng) -> Trial:
 
 def deflections(one: Trial, hidden: Hidden, rng: Rng) -> Array:
     """What the instrument would read without noise (N, 3) [m]: loaded minus the visit's reference."""
-    arm, shown = hidden.truly(one) if hidden.truly else (one.arm, one.shown)
-    more = hidden.gear(one) if hidden.gear else None
-    structure = Structure(lambda torque: torque / one.stiffness + (more(torque) if more else 0.0), hidden.seats)
-    stance = equilibrium(arm, structure, shown, hidden.loads(one, rng) if hidden.loads else Loads.at_tcp(one.force))
-    seen = stance.tcp + np.einsum("nij,j->ni", stance.tool, hidden.target)
+    arm = one.arm if hidden.tool is None else replace(one.arm, tool=hidden.tool)
+    force = hidden.force(rng) if hidden.force else one.force
+    structure = Structure(lambda torque: torque / one.stiffness + (hidden.gear(torque) if hidden.gear else 0.0), hidden.seats)
+    stance = equilibrium(arm, structure, one.shown if hidden.angles is None else hidden.angles, force, hidden.hook)
+    seen = stance.tcp + stance.tool @ hidden.target
     moved = seen - seen[one.first]
-    return hidden.reading(one, moved) if hidden.reading else moved
+    return hidden.reading(moved) if hidden.reading else moved
 
 
 def _whitened(one: Trial, values: Array, meant: Array) -> Array:
@@ -149,21 +161,19 @@ def _whitened(one: Trial, values: Array, meant: Array) -> Array:
 
 def visible(one: Trial, table: dict[str, Array]) -> float:
     """What six fitted springs leave of a noiseless table, in sigmas: the root of the least sum of squares by Gauss-Newton."""
-    measured = np.isfinite(table["moved"]).all(axis=1)
-    read, shown, loads = table["moved"], table["shown"], Loads.at_tcp(table["force"])
 
     def predicted(stiffness: Array) -> Array:
-        tcp = equilibrium(one.arm, springs(stiffness), shown, loads).tcp
+        tcp = equilibrium(one.arm, springs(stiffness), table["shown"], table["force"]).tcp
         return tcp - tcp[one.first]
 
     meant = predicted(one.stiffness)
     log_k, best = np.log(one.stiffness), np.inf
     for _ in range(6):
         model = predicted(np.exp(log_k))
-        left = _whitened(one, np.where(measured[:, None], read - model, 0), meant).ravel()
+        left = _whitened(one, table["moved"] - model, meant).ravel()
         best = min(best, float(left @ left))
-        slope = np.stack([_whitened(one, np.where(measured[:, None], predicted(np.exp(log_k + step)) - model, 0), meant).ravel()
-                          for step in 0.01 * np.eye(6)], 1) / 0.01
+        slope = np.stack([_whitened(one, predicted(np.exp(log_k + step)) - model, meant).ravel() / 0.01
+                          for step in 0.01 * np.eye(6)], 1)
         weak = np.vstack([slope, np.eye(6)])                    # the sheet's prior: a factor e, about the truth
         step = np.linalg.lstsq(weak, np.concatenate([left, np.log(one.stiffness) - log_k]), rcond=None)[0]
         log_k = log_k + np.clip(step, -0.5, 0.5)
@@ -184,7 +194,7 @@ def table_of(one: Trial, hidden: Hidden, rng: Rng, noise: bool = True) -> dict[s
         moved = moved * gain + (kind.sigma_um * scatter + seat + wander) * 1e-6
         moved = np.round(moved * 1e6 / kind.step_um) * kind.step_um * 1e-6
     table = {"shown": one.shown.copy(), "force": one.force.copy(), "moved": moved, "time": one.time.copy()}
-    return hidden.table(one, table) if hidden.table else table
+    return hidden.table(table) if hidden.table else table
 
 
 def sheet_of(one: Trial, rng: Rng) -> dict[str, Any]:

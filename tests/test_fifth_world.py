@@ -2,35 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.fifth_arm import Array, Loads, Structure, arm_of, equilibrium, posture, springs, turning
-from benchmarks.fifth_causes import CAUSES, beam, play, side
+from benchmarks.fifth_arm import Array, Structure, arm_of, equilibrium, posture, turning
+from benchmarks.fifth_causes import CAUSES, beam, play, side, times
 from benchmarks.fifth_judge import RIGHT, judged
-from benchmarks.fifth_trial import ARMS, INSTRUMENTS, table_of, trial, visible
-from benchmarks.fifth_world import NOTHING, made
+from benchmarks.fifth_trial import ARMS, INSTRUMENTS, deflections, sheet_of, table_of, trial, visible
+from benchmarks.fifth_world import NOTHING, written
 
 TOOL = np.array([0.12, 0.02, 0.25])
 POSES = {"ABB": [20, 15, 10, 40, 50, -60], "KUKA": [20, -80, 95, 30, 40, -50], "FANUC": [20, 10, -15, 30, 40, -50]}
-
-
-def held(name: str) -> tuple[Array, Structure, Array]:
-    """Angles, six springs without the arm's weight and their stiffnesses."""
-    arm = arm_of(name, TOOL)
-    return np.radians([POSES[arm.maker]]), Structure(lambda torque: torque / arm.prior, with_weight=False), arm.prior
-
-
-def moved(name: str, force: list[float]) -> Array:
-    shown, structure, _ = held(name)
-    arm = arm_of(name, TOOL)
-    rows = np.repeat(shown, 2, axis=0)
-    tcp = equilibrium(arm, structure, rows, Loads.at_tcp(np.array([[0, 0, 0], force], dtype=float))).tcp
-    moves: Array = tcp[1] - tcp[0]
-    return moves
 
 
 @pytest.mark.parametrize(("name", "flange"), [("kr210-r2700-extra", [1692.53, -689.57, 1299.11]),
@@ -41,36 +25,27 @@ def test_the_flange_is_where_the_makers_description_has_it(name: str, flange: li
 
 
 @pytest.mark.parametrize("name", ARMS)
-def test_energy_half_the_loads_work_is_in_the_springs(name: str) -> None:
-    shown, _, stiffness = held(name)
-    arm, force, seen = arm_of(name, TOOL), np.array([120.0, -80.0, 60.0]), []
+def test_small_loads_add_up_are_reciprocal_and_half_their_work_is_in_the_springs(name: str) -> None:
+    arm, turns = arm_of(name, TOOL), []
 
     def gear(torque: Array) -> Array:
-        seen.append(torque / stiffness)
-        return seen[-1]
-    after = equilibrium(arm, Structure(gear, with_weight=False), shown, Loads.at_tcp(force[None])).tcp[0]
-    work = force @ (after - posture(arm, arm.serial(shown)).tcp[0]) / 2
-    assert (stiffness * seen[-1][0] ** 2).sum() / 2 == pytest.approx(work, rel=2e-3)
+        turns.append(torque / arm.prior)
+        return turns[-1]
+    force = 30.0 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
+    tcp = equilibrium(arm, Structure(gear, with_weight=False), np.radians([POSES[arm.maker]] * 5), force).tcp
+    moved = tcp[1:] - tcp[0]
+    assert moved[3] == pytest.approx(moved[:3].sum(0), rel=2e-3, abs=1e-8)
+    assert moved[:3] == pytest.approx(moved[:3].T, rel=3e-3, abs=1e-8)
+    assert (arm.prior * turns[-1][1:] ** 2).sum(1) == pytest.approx((force[1:] * moved).sum(1), rel=2e-3)
 
 
-@pytest.mark.parametrize("name", ARMS)
-def test_small_loads_add_up_and_are_reciprocal(name: str) -> None:
-    along = [moved(name, list(30.0 * axis)) for axis in np.eye(3)]
-    assert moved(name, [30, 30, 30]) == pytest.approx(sum(along), rel=2e-3, abs=1e-8)
-    compliance = np.array(along)
-    assert compliance == pytest.approx(compliance.T, rel=3e-3, abs=1e-8)
-    assert (np.linalg.eigvalsh((compliance + compliance.T) / 2) > 0).all()
-
-
-def test_a_rods_drive_3_leaves_the_lower_arm_alone() -> None:
-    arm = arm_of("irb6660-205-1.90", TOOL)
-    shown = np.radians([POSES["ABB"]])
-    straight = Structure(lambda torque: torque * [0, 0, 1e-6, 0, 0, 0], with_weight=False)
-    before, after = (equilibrium(arm, straight, shown, Loads.at_tcp(np.array([[0, 0, load]]))) for load in (0.0, -500.0))
-    assert after.places[:, 3] == pytest.approx(before.places[:, 3], abs=1e-12)
-    driven = Structure(lambda torque: torque * [0, 1e-6, 0, 0, 0, 0], with_weight=False)
-    after = equilibrium(arm, driven, shown, Loads.at_tcp(np.array([[0, 0, -500.0]])))
-    assert after.tool == pytest.approx(before.tool, abs=1e-12)          # drive 2 shifts the forearm and does not turn it
+def test_a_rods_drive_2_carries_the_forearm_and_does_not_turn_it() -> None:
+    arm, force = arm_of("irb6660-205-1.90", TOOL), np.array([[0, 0, 0], [0, 0, -500.0]])
+    for drive, turned, lifted in ((1, False, True), (2, True, False)):
+        soft = Structure(times(1e-6 * np.eye(6)[drive]), with_weight=False)
+        stance = equilibrium(arm, soft, np.radians([POSES["ABB"]] * 2), force)
+        assert (np.abs(np.diff(stance.tool, axis=0)).max() > 1e-5) == turned
+        assert (np.abs(np.diff(stance.places[:, 3], axis=0)).max() > 1e-5) == lifted
 
 
 def test_a_beam_is_that_of_the_books_and_a_turn_is_one() -> None:
@@ -81,44 +56,33 @@ def test_a_beam_is_that_of_the_books_and_a_turn_is_one() -> None:
 
 
 def test_what_lags_lags_and_what_lies_on_a_side_stays() -> None:
-    visit = np.zeros(5)
-    assert play(np.array([0, 1, 3, 2.5, 0.0]), 1.0, visit).tolist() == [0, 0, 2, 2, 1]
-    assert side(np.array([0, 5, 0, -5, 0.0]), 1.0, visit, -np.ones(5)).tolist() == [-1, 1, 1, -1, -1]
+    assert play(np.array([0, 1, 3, 2.5, 0.0]), 1.0, np.zeros(5)).tolist() == [0, 0, 2, 2, 1]
+    assert side(np.array([0, 5, 0, -5, 0.0]), 1.0, np.zeros(5), -np.ones(5)).tolist() == [-1, 1, 1, -1, -1]
 
 
-def test_springs_alone_leave_nothing_and_every_cause_something() -> None:
+def test_springs_alone_leave_nothing_and_every_cause_something(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
-    one = {design: trial("irb6700-235-2.65", design, INSTRUMENTS[1], rng) for design in ("cycles", "cable", "dead weights")}
-    assert visible(one["cycles"], table_of(one["cycles"], NOTHING.make(rng, one["cycles"], 0), rng, noise=False)) < 0.01
+    one = {design: trial("irb6700-235-2.65", design, INSTRUMENTS[1], rng) for design in ("cable", "dead weights")}
+    plain = {design: table_of(test, NOTHING.make(rng, test, 0), rng, noise=False) for design, test in one.items()}
+    assert visible(one["cable"], plain["cable"]) < 0.01
+    written(one["cable"], plain["cable"], sheet_of(one["cable"], rng), {}, tmp_path / "case")
+    assert len((tmp_path / "case/measurements.csv").read_text().splitlines()) == len(one["cable"].visit) + 1
     for cause in CAUSES:
-        test = one[next(design for design in one if design in cause.designs)]
-        seen = [table_of(test, cause.make(np.random.default_rng(1), test, size), np.random.default_rng(2), noise=False)
-                for size in (0.0, cause.size)]
-        unlike = [key for key in seen[0] if not np.allclose(seen[0][key], seen[1][key], rtol=1e-5, atol=1e-8)]
-        assert unlike or cause.fixed, cause.name
-
-
-def test_every_cause_has_its_name_and_a_case_is_written_the_same_again(tmp_path: Path) -> None:
-    assert {cause.name for cause in CAUSES} == set(RIGHT)
-    for place in ("a", "b"):
-        list(made(1, 5, tmp_path / place))
-    for file in ("cell.yaml", "measurements.csv", "truth.json"):
-        assert (tmp_path / "a/000" / file).read_text() == (tmp_path / "b/000" / file).read_text()
-    truth = json.loads((tmp_path / "a/000/truth.json").read_text())
-    assert 3.5 < truth["sigmas"] < 33 or truth["cause"] == "angle_sign"
+        design = next(design for design in one if design in cause.designs)
+        hidden = cause.make(np.random.default_rng(1), one[design], cause.size)
+        other = table_of(one[design], hidden, np.random.default_rng(2), noise=False)
+        assert any(not np.allclose(other[key], plain[design][key], rtol=1e-6, atol=1e-8) for key in other), cause.name
+        assert deflections(one[design], hidden, rng)[one[design].begins] == pytest.approx(0, abs=1e-12)
 
 
 def test_answers_are_judged() -> None:
-    def answer(verdict: str, *names: tuple[str, int | None]) -> dict[str, object]:
-        told = [{"effect": effect, "joint": joint} for effect, joint in names]
-        return {"verdict": verdict, "causes": told if verdict == "named" else [], "mistakes": [],
-                "alternatives": [] if verdict == "named" else told}
-    truth = {"cause": "backlash", "joint": 4}
-    assert judged(truth, answer("named", ("backlash", 4)))[0] == "right"
-    assert judged(truth, answer("named", ("backlash", 5)))[0] == "half"
-    assert judged(truth, answer("named", ("drift", None)))[0] == "wrong"
-    assert judged(truth, answer("ambiguous", ("hysteresis", 4), ("backlash", 4)))[0] == "set with the truth"
-    assert judged(truth, answer("unknown"))[0] == "unknown"
-    assert judged(truth, answer("adequate"))[0] == "missed"
-    assert judged({"cause": "nothing"}, answer("unknown"))[0] == "alarm"
-    assert springs(np.ones(6)).with_weight
+    assert {cause.name for cause in CAUSES} == set(RIGHT)
+    for hidden, verdict, effect, joint, grade in (
+            ("backlash", "named", "backlash", 4, "right"), ("backlash", "named", "backlash", 5, "half"),
+            ("backlash", "named", "drift", None, "wrong"), ("backlash", "ambiguous", "backlash", 4, "set with the truth"),
+            ("backlash", "unknown", "backlash", 4, "unknown"), ("backlash", "adequate", "backlash", 4, "missed"),
+            ("nothing", "unknown", "drift", None, "alarm")):
+        told = [{"effect": effect, "joint": joint}]
+        answer = {"verdict": verdict, "mistakes": [], "causes": told if verdict == "named" else [],
+                  "alternatives": [] if verdict == "named" else told}
+        assert judged({"cause": hidden, "joint": 4}, answer)[0] == grade
