@@ -72,11 +72,11 @@ class Structure:
 
     gear: Gear
     seats: tuple[tuple[int, Array, Seat], ...] = ()             # frame, place of the seat in it (3,) [m], law
-    with_weight: bool = True
+    weight: float = 1.0                                         # share of the arm's own weight that acts
 
 
-def springs(stiffness: Array) -> Structure:
-    return Structure(lambda torque: torque / stiffness)
+def springs(stiffness: Array, weight: float = 1.0) -> Structure:
+    return Structure(lambda torque: torque / stiffness, weight=weight)
 
 
 def turning(vector: Array) -> Array:
@@ -157,8 +157,7 @@ def equilibrium(arm: Arm, structure: Structure, shown: Array, force: Array, hook
         last = stance.tcp
         at = stance.tcp if hook is None else stance.tcp + stance.tool @ hook
         torques = np.einsum("nij,nij->ni", stance.axes, np.cross(at[:, None, :] - stance.origins, force[:, None, :]))
-        if structure.with_weight:
-            torques = torques + weight_torques(arm, stance)
+        torques = torques + structure.weight * weight_torques(arm, stance)
         angles = commanded + structure.gear(torques @ arm.drives) @ arm.drives.T
         seats = tuple(_seat(stance, at, force, *one) for one in structure.seats)
     raise ArithmeticError(f"no equilibrium: {np.abs(stance.tcp - last).max():.1e} m from one round to the next")

@@ -160,23 +160,23 @@ def _whitened(one: Trial, values: Array, meant: Array) -> Array:
 
 
 def visible(one: Trial, table: dict[str, Array]) -> float:
-    """What six fitted springs leave of a noiseless table, in sigmas: the root of the least sum of squares by Gauss-Newton."""
+    """What six springs and an unknown weight of the arm, fitted by Gauss-Newton, leave of a noiseless table, in sigmas."""
 
-    def predicted(stiffness: Array) -> Array:
-        tcp = equilibrium(one.arm, springs(stiffness), table["shown"], table["force"]).tcp
+    def predicted(at: Array) -> Array:
+        """Of ln k and the share of the arm's weight (7,)."""
+        tcp = equilibrium(one.arm, springs(np.exp(at[:6]), at[6]), table["shown"], table["force"]).tcp
         return tcp - tcp[one.first]
 
-    meant = predicted(one.stiffness)
-    log_k, best = np.log(one.stiffness), np.inf
+    truth = np.append(np.log(one.stiffness), 1.0)
+    meant, at, best = predicted(truth), truth, np.inf
     for _ in range(6):
-        model = predicted(np.exp(log_k))
+        model = predicted(at)
         left = _whitened(one, table["moved"] - model, meant).ravel()
         best = min(best, float(left @ left))
-        slope = np.stack([_whitened(one, predicted(np.exp(log_k + step)) - model, meant).ravel() / 0.01
-                          for step in 0.01 * np.eye(6)], 1)
-        weak = np.vstack([slope, np.eye(6)])                    # the sheet's prior: a factor e, about the truth
-        step = np.linalg.lstsq(weak, np.concatenate([left, np.log(one.stiffness) - log_k]), rcond=None)[0]
-        log_k = log_k + np.clip(step, -0.5, 0.5)
+        slope = np.stack([_whitened(one, predicted(at + step) - model, meant).ravel() / 0.01
+                          for step in 0.01 * np.eye(7)], 1)
+        weak = np.vstack([slope, np.eye(7)])                    # known without a test: springs by a factor e, the weight
+        at = at + np.clip(np.linalg.lstsq(weak, np.concatenate([left, truth - at]), rcond=None)[0], -0.5, 0.5)
     return float(np.sqrt(best))
 
 
@@ -188,7 +188,7 @@ def table_of(one: Trial, hidden: Hidden, rng: Rng, noise: bool = True) -> dict[s
         scatter = rng.standard_t(4, moved.shape) / np.sqrt(2) if kind.heavy else rng.normal(size=moved.shape)
         visits = int(one.visit.max()) + 1
         seat = rng.normal(size=(visits, 3))[one.visit] * kind.reseat_um
-        drift = rng.normal(size=3) * 0.3 * kind.sigma_um / 600
+        drift = rng.normal(size=(visits, 3))[one.visit] * 0.3 * kind.sigma_um / 600
         wander = drift * (one.time - one.time[one.first])[:, None]
         gain = 1 + one.force_share * rng.normal(size=visits)[one.visit][:, None]
         moved = moved * gain + (kind.sigma_um * scatter + seat + wander) * 1e-6

@@ -32,7 +32,7 @@ def test_small_loads_add_up_are_reciprocal_and_half_their_work_is_in_the_springs
         turns.append(torque / arm.prior)
         return turns[-1]
     force = 30.0 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
-    tcp = equilibrium(arm, Structure(gear, with_weight=False), np.radians([POSES[arm.maker]] * 5), force).tcp
+    tcp = equilibrium(arm, Structure(gear, weight=0), np.radians([POSES[arm.maker]] * 5), force).tcp
     moved = tcp[1:] - tcp[0]
     assert moved[3] == pytest.approx(moved[:3].sum(0), rel=2e-3, abs=1e-8)
     assert moved[:3] == pytest.approx(moved[:3].T, rel=3e-3, abs=1e-8)
@@ -42,7 +42,7 @@ def test_small_loads_add_up_are_reciprocal_and_half_their_work_is_in_the_springs
 def test_a_rods_drive_2_carries_the_forearm_and_does_not_turn_it() -> None:
     arm, force = arm_of("irb6660-205-1.90", TOOL), np.array([[0, 0, 0], [0, 0, -500.0]])
     for drive, turned, lifted in ((1, False, True), (2, True, False)):
-        soft = Structure(times(1e-6 * np.eye(6)[drive]), with_weight=False)
+        soft = Structure(times(1e-6 * np.eye(6)[drive]), weight=0)
         stance = equilibrium(arm, soft, np.radians([POSES["ABB"]] * 2), force)
         assert (np.abs(np.diff(stance.tool, axis=0)).max() > 1e-5) == turned
         assert (np.abs(np.diff(stance.places[:, 3], axis=0)).max() > 1e-5) == lifted
