@@ -83,8 +83,13 @@ def flank(share: float, bears: float) -> Law:
     return lambda torque: share * bears * np.tanh(torque / bears)
 
 
-def beyond(soft: float, held: float, sense: float = 1.0) -> Law:
-    return lambda load: soft * sense * np.maximum(sense * load - held, 0)
+def unlike_senses(share: float) -> Law:
+    """The spring is the mean of both senses; they differ by the share."""
+    return lambda torque: share / 2 * np.abs(torque)
+
+
+def beyond(soft: float, held: float) -> Law:
+    return lambda load: soft * np.maximum(load - held, 0)
 
 
 def about(u: Array, law: Law) -> Law:
@@ -232,7 +237,7 @@ CAUSES: tuple[Cause, ...] = (
         drawn_joint(rng, one), flank(size, rng.uniform(0.1, 0.3) * np.abs(one.force).max()), one.stiffness)),
     # A worn flank: softer by a share in one sense of the torque.
     Cause("one_sided", "gear", 0.2, lambda rng, one, size: geared(
-        drawn_joint(rng, one, (0, 3, 4, 5)), beyond(size, 0, float(rng.choice([-1, 1]))), one.stiffness)),
+        drawn_joint(rng, one, (0, 3, 4, 5)), unlike_senses(size * float(rng.choice([-1, 1]))), one.stiffness)),
     Cause("tooth_ripple", "gear", 0.2, tooth_ripple),
     # A share of the spring comes late, with a time constant of one to three minutes.
     Cause("creep", "gear", 0.15, lambda rng, one, size: geared(

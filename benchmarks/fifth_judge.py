@@ -120,6 +120,7 @@ def main(folder: Path, first: int, last: int) -> None:
         else:
             grade, names = f"exit {answer['exit_code']}", [finding["code"] for finding in answer["findings"]]
         counts[grade] += 1
+        names = [f"{len(names)} names: {names[0]}", *names[1:]] if len(names) > 3 else names
         joint = f"[{truth['joint']}]" if "joint" in truth else ""
         print(f"{case.name} {truth['cause'] + joint:19} {truth['sigmas']:5.1f} sigma  {grade:18} {result.get('verdict', ''):9} "
               f"{', '.join(names)[:90]}  k {held(case, truth)}", flush=True)
