@@ -120,6 +120,11 @@ class Routine:
             closed = _fill(block, steps, stop) is not None
         return block
 
+    def forget(self) -> None:
+        """What was told of its steps, where these are others now."""
+        for known in ("body", "handler"):
+            vars(self).pop(known, None)
+
 
 def end_routines(routines: Sequence[Routine], count: int) -> None:
     """Says where each routine ends, of a text with so many targets."""

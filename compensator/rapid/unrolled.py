@@ -6,39 +6,28 @@ into the array: the move itself stays as it is.
 
 from __future__ import annotations
 
-from array import array
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
-
-import numpy as np
 
 from compensator.rapid.arithmetic import arithmetic
 from compensator.rapid.blocks import Loop, end_routines, words_of
 from compensator.rapid.conditions import split
 from compensator.rapid.expressions import Expr
 from compensator.rapid.lexer import Token, tokens
+from compensator.rapid.repeated import Repeated, place, repeat
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Scope
 from compensator.rapid.values import Unsettled, Values
 
-_Entry = TypeVar("_Entry", bound=tuple[object, ...])
 # A loop of more targets stays one move.
 MOST = 100_000
 
 
 @dataclass(frozen=True, slots=True)
 class _Turned:
-    """A loop of targets first ... stop - 1 of the text; turns: the expressions of these at each turn."""
+    """A loop of targets, and these at each turn."""
 
     loop: Loop
-    first: int
-    stop: int
-    turns: list[list[Expr]]
-
-    @property
-    def more(self) -> int:
-        return (len(self.turns) - 1) * (self.stop - self.first)
+    targets: Repeated
 
 
 def unroll(scan: Scan, values: Values) -> None:
@@ -48,50 +37,14 @@ def unroll(scan: Scan, values: Values) -> None:
              if (turned := _turned(scan, values, loop, routine.scope)) is not None]
     if not loops:
         return
-    loops.sort(key=lambda loop: loop.first)
-    take, expressions = _targets(scan, loops)
-    for name in ("start", "rest", "end", "name", "tail"):
-        column: array[int] = getattr(scan, name)
-        setattr(scan, name, array(column.typecode, np.frombuffer(column, dtype=column.typecode)[take].tolist()))
-    scan.move = bytearray(np.frombuffer(scan.move, dtype=np.uint8)[take].tobytes())
-    scan.expressions = expressions
-    for name in ("scopes", "shifts", "softened", "offsets", "units"):
-        setattr(scan, name, _moved(getattr(scan, name), loops))
+    loops.sort(key=lambda turned: turned.targets.first)
+    repeats = [turned.targets for turned in loops]
+    scan.looped.update(target for targets in repeat(scan, repeats) for target in targets)
     gone = {step for turned in loops for step in (turned.loop.head, turned.loop.end)}
     for routine in scan.bodies:
-        routine.first = _at(routine.first, loops)
-        routine.steps = [step._replace(at=_at(step.at, loops)) for step in routine.steps if step not in gone]
-        for known in ("body", "handler"):
-            vars(routine).pop(known, None)
-
-
-def _targets(scan: Scan, loops: Sequence[_Turned]) -> tuple[np.ndarray, dict[int, Expr]]:
-    """Which target of the text each is, and its expression where it has one."""
-    take: list[np.ndarray] = []
-    expressions: dict[int, Expr] = {}
-    at = number = 0
-    for turned in loops:
-        take.append(np.arange(at, turned.first))
-        number += turned.first - at
-        for turn in turned.turns:
-            take.append(np.arange(turned.first, turned.stop))
-            expressions.update(enumerate(turn, number))
-            scan.looped.update(range(number, number + len(turn)))
-            number += len(turn)
-        at = turned.stop
-    take.append(np.arange(at, len(scan.move)))
-    inside = {target for turned in loops for target in range(turned.first, turned.stop)}
-    expressions.update((_at(target, loops), expr) for target, expr in scan.expressions.items() if target not in inside)
-    return np.concatenate(take), expressions
-
-
-def _at(target: int, loops: Sequence[_Turned]) -> int:
-    """The place of a target, or of what stands before it, with all turns."""
-    return target + sum(turned.more for turned in loops if turned.stop <= target)
-
-
-def _moved(entries: list[_Entry], loops: Sequence[_Turned]) -> list[_Entry]:
-    return [type(entry)((_at(int(str(entry[0])), loops), *entry[1:])) for entry in entries]
+        routine.first = place(routine.first, repeats)
+        routine.steps = [step._replace(at=place(step.at, repeats)) for step in routine.steps if step not in gone]
+        routine.forget()
 
 
 def _turned(scan: Scan, values: Values, loop: Loop, scope: Scope) -> _Turned | None:
@@ -110,7 +63,7 @@ def _turned(scan: Scan, values: Values, loop: Loop, scope: Scope) -> _Turned | N
         if None in at_turn:
             return None
         found.append([expr for expr in at_turn if expr is not None])
-    return _Turned(loop, first, stop, found)
+    return _Turned(loop, Repeated(first, stop, found))
 
 
 def _turns(scan: Scan, values: Values, loop: Loop, scope: Scope) -> tuple[str, list[float]] | None:
