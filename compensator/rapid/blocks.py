@@ -146,6 +146,13 @@ def arguments(source: Source, call: Step) -> list[list[Token]]:
     return [part[2:] if len(part) > 2 and part[1].word == ":=" else part for part in split(words[:stop], ",")]
 
 
+def options(source: Source, call: Step) -> dict[str, bool]:
+    """The optional arguments of a call by their names, and whether they are surely handed over: not `\\x?y`."""
+    words = words_of(source, call)
+    return {name.word: not (behind and behind[0].word == "?")
+            for mark, name, *behind in (words[k:k + 3] for k in range(len(words) - 1)) if mark.word == "\\"}
+
+
 def _fill(block: Block, steps: Iterator[Step], stop: int, deep: int = 0) -> Step | None:
     """Takes the steps of a block up to that which ends it, which is returned; None at the end of the routine. deep: within how
     many others it stands."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from compensator.rapid.blocks import Routine, Step, arguments, end_routines
 from compensator.rapid.expressions import Expr
 from compensator.rapid.repeated import Repeated, place, repeat
+from compensator.rapid.runtime import MOTION
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Scope
 from compensator.rapid.values import Values
@@ -114,8 +115,10 @@ def _parameter(expr: Expr, slots: dict[str, int]) -> str:
 
 
 def _switched(scan: Scan, routine: Routine) -> bool:
-    """Whether something that holds for the moves behind it is switched between the moves of a routine."""
-    return any(routine.first < int(entry[0]) < routine.stop
+    """Whether something that holds for the moves behind it is switched between the moves of a routine, or it has moves that are
+    not counted."""
+    called = {step.name for step in routine.steps if step.kind == "call"} - scan.routines.keys()
+    return any(MOTION.fullmatch(name) for name in called) or any(routine.first < int(entry[0]) < routine.stop
                for entries in (scan.shifts, scan.softened, scan.offsets, scan.units) for entry in entries)
 
 
