@@ -24,6 +24,8 @@ from identification.common.findings import CompstiffError, Finding, counted, err
 APART, NEARER = 0.02, 0.2
 # Samples of two ways are on the same place within this [m]; of positions those are of a way that lie on it but for this share.
 SAME, BESIDE = 5e-3, 0.01
+# A log by time alone, whose place takes long to find, is tried with no more turns of a loop than this, but for those stated.
+TURNS_BY_TIME = 2
 # A log of which no more than this share has one place on all ways is not used.
 LEAST = 0.1
 # So many moves are named.
@@ -101,6 +103,8 @@ def _along_ways(log: ForceLog, path: RobotPath) -> ForceLog:
 def _each_way(log: ForceLog, path: RobotPath) -> Iterator[_Placed]:
     """The log along each way on which it can be placed."""
     for way in path.toolpath.ways:
+        if log.key == "time" and not way.stated and any(turns is not None and turns > TURNS_BY_TIME for turns in way.turns):
+            continue
         driven = driven_path(path, way.order)
         if driven is None:
             continue
