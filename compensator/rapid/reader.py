@@ -8,6 +8,7 @@ import numpy as np
 
 from compensator.rapid.calls import runs_of
 from compensator.rapid.handed_targets import follow_calls
+from compensator.rapid.namesakes import tell_apart
 from compensator.rapid.program import RapidProgram
 from compensator.rapid.quaternions import UNUSABLE
 from compensator.rapid.reports import Places, report
@@ -37,6 +38,7 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     scanned = scan(source)
     values = Values(source, scanned.names, changing(scanned.names, scanned.uses, scanned.routines))
     unroll(scanned, values)
+    tell_apart(scanned)
     follow_calls(scanned, values)
     scanned.read_expressions()
     count = len(scanned.move)
