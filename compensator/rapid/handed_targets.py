@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from compensator.rapid.blocks import Routine, Step, arguments, end_routines
 from compensator.rapid.expressions import Expr
-from compensator.rapid.repeated import Repeated, place, repeat
+from compensator.rapid.repeated import Repeated, places, repeat
 from compensator.rapid.runtime import MOTION
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Scope
@@ -51,13 +51,14 @@ def follow_calls(scan: Scan, values: Values) -> None:
         scan.routines |= {f"{routine.name} {turn}": scan.routines[routine.name] for turn in range(len(called.calls))}
     by_number = {called.number: called for called in followed}
     bodies: list[Routine] = []
+    place = places(repeats)
     for number, routine in enumerate(scan.bodies):
         own = by_number.get(number)
-        before = place(routine.first, repeats)
+        before = place(routine.first)
         steps = [step._replace(name=names.get(step, step.name)) for step in routine.steps]
         for turn in range(len(own.calls) if own else 1):
             more = turn * (routine.stop - routine.first)
-            moved = [step._replace(at=before + more + step.at - routine.first if own else place(step.at, repeats))
+            moved = [step._replace(at=before + more + step.at - routine.first if own else place(step.at))
                      for step in steps]
             name = f"{routine.name} {turn}" if own else routine.name
             bodies.append(Routine(name, before + more, routine.kind, routine.scope, moved))

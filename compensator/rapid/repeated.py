@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TypeVar
 
 import numpy as np
@@ -41,7 +43,7 @@ def repeat(scan: Scan, repeats: Sequence[Repeated]) -> list[range]:
         scan.start[target], scan.end[target], scan.name[target] = expr.start, expr.end, -1
     scan.expressions = expressions
     for name in ("scopes", "shifts", "softened", "offsets", "units"):
-        setattr(scan, name, _moved(getattr(scan, name), repeats))
+        setattr(scan, name, _moved(getattr(scan, name), places(repeats)))
     return ranges
 
 
@@ -63,14 +65,17 @@ def _targets(scan: Scan, repeats: Sequence[Repeated]) -> tuple[np.ndarray, dict[
         at = repeated.stop
     take.append(np.arange(at, len(scan.move)))
     inside = {target for repeated in repeats for target in range(repeated.first, repeated.stop)}
-    expressions.update((place(target, repeats), expr) for target, expr in scan.expressions.items() if target not in inside)
+    place = places(repeats)
+    expressions.update((place(target), expr) for target, expr in scan.expressions.items() if target not in inside)
     return np.concatenate(take), expressions, ranges
 
 
-def place(target: int, repeats: Sequence[Repeated]) -> int:
+def places(repeats: Sequence[Repeated]) -> Callable[[int], int]:
     """The place of a target, or of what stands before it, with all times."""
-    return target + sum(repeated.more for repeated in repeats if repeated.stop <= target)
+    stops = [repeated.stop for repeated in repeats]
+    more = [0, *accumulate(repeated.more for repeated in repeats)]
+    return lambda target: target + more[bisect_right(stops, target)]
 
 
-def _moved(entries: list[_Entry], repeats: Sequence[Repeated]) -> list[_Entry]:
-    return [type(entry)((place(int(str(entry[0])), repeats), *entry[1:])) for entry in entries]
+def _moved(entries: list[_Entry], place: Callable[[int], int]) -> list[_Entry]:
+    return [type(entry)((place(int(str(entry[0]))), *entry[1:])) for entry in entries]

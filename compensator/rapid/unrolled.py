@@ -13,7 +13,7 @@ from compensator.rapid.blocks import Loop, end_routines, words_of
 from compensator.rapid.conditions import split
 from compensator.rapid.expressions import Expr
 from compensator.rapid.lexer import Token, tokens
-from compensator.rapid.repeated import Repeated, place, repeat
+from compensator.rapid.repeated import Repeated, places, repeat
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Scope
 from compensator.rapid.values import Unsettled, Values
@@ -40,10 +40,11 @@ def unroll(scan: Scan, values: Values) -> None:
     loops.sort(key=lambda turned: turned.targets.first)
     repeats = [turned.targets for turned in loops]
     scan.looped.update(target for targets in repeat(scan, repeats) for target in targets)
+    place = places(repeats)
     gone = {step for turned in loops for step in (turned.loop.head, turned.loop.end)}
     for routine in scan.bodies:
-        routine.first = place(routine.first, repeats)
-        routine.steps = [step._replace(at=place(step.at, repeats)) for step in routine.steps if step not in gone]
+        routine.first = place(routine.first)
+        routine.steps = [step._replace(at=place(step.at)) for step in routine.steps if step not in gone]
         routine.forget()
 
 
