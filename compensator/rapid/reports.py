@@ -93,8 +93,14 @@ def _looped(scan: Scan, rows: Rows, places: Places, block: NDArray[np.object_]) 
     shared = np.bincount(rows.row)[rows.row[looped]] > 1
     shared |= np.isin(rows.declaration[rows.row[looped]], sorted(read))
     findings = [places.targets(
-        "CS2059", "note", f"{len(looped)} targets are elements of an array that a loop drives: each counts as one", looped,
-        "what is corrected is written into the array")]
+        "CS2059", "note", f"{len(looped)} targets of moves that a loop drives: each turn has targets of its own", looped,
+        "what is corrected is written into the array whose elements they are")]
+    nowhere = looped[(rows.declaration[rows.row[looped]] < 0) & (block[looped] == "")]
+    if len(nowhere):
+        why = "one move in a loop drives to this place and to others, and no array holds them"
+        block[nowhere] = why
+        findings.append(places.targets("CS2059", "warning", f"the target is left as it is: {why}", nowhere,
+                                       "write the moves one by one, or the targets into an array, if they are to be corrected"))
     which = looped[shared & (block[looped] == "")]
     if len(which):
         why = "a loop drives to this element of an array, and something else uses it too"

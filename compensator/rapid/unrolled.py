@@ -1,7 +1,7 @@
 """Loops over arrays of targets, `FOR i FROM 1 TO 9 DO MoveL aPath{i},... ENDFOR`, as the moves that they drive.
 
-Only where nothing but such moves stands in the loop, and numbers and constants settle its turns. What is corrected is written
-into the array: the move itself stays as it is.
+Only where nothing but such moves, or moves to Offs and RelTool, stands in the loop, and numbers and constants settle its turns.
+What is corrected is written into the array: the move itself stays as it is, and so do the places of Offs and RelTool.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _turned(scan: Scan, values: Values, loop: Loop, scope: Scope) -> _Turned | N
     name, turns = known
     found = []
     for turn in turns:
-        at_turn = [None if expr is None else _element(values, expr, scope, name, turn) for expr in exprs]
+        at_turn = [None if expr is None else _at_turn(values, expr, scope, name, turn) for expr in exprs]
         if None in at_turn:
             return None
         found.append([expr for expr in at_turn if expr is not None])
@@ -102,6 +102,24 @@ def _number(values: Values, words: list[Token], scope: Scope, variable: str, val
         return None if isinstance(known, Unsettled) else known
 
     return arithmetic([*words, Token("end", -1, -1, b"", "")], named) if words else None
+
+
+def _at_turn(values: Values, expr: Expr, scope: Scope, variable: str, value: float) -> Expr | None:
+    """What a target is at one turn: an element of an array, or Offs and RelTool by numbers that the turn settles; None where it
+    is something else."""
+    if expr.kind != "call" or expr.name not in ("offs", "reltool") or len(expr.items) != 4:
+        return _element(values, expr, scope, variable, value)
+    base, *shift = expr.items
+    if base.kind in ("call", "element"):
+        inner = _at_turn(values, base, scope, variable, value)
+        base = base if inner is None else inner
+    found = []
+    for item in shift:
+        number = _number(values, tokens(values.source, item.start, item.end)[:-1], scope, variable, value)
+        if number is None:
+            return None
+        found.append(Expr("number", item.start, item.end, value=number))
+    return replace(expr, items=(base, *found))
 
 
 def _element(values: Values, expr: Expr, scope: Scope, variable: str, value: float) -> Expr | None:
