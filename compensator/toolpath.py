@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -70,12 +71,13 @@ class StatedCutter:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """One way that a program may go through branches of unknown condition: its targets (D,) in the order in which they are
-    driven, the branches it takes, in words, and whether the values in the file lead along it."""
+    """One way that a program may go through branches and loops of unknown condition: its targets (D,) in the order in which
+    they are driven, what it takes, in words, whether the values in the file lead along it, and how often it takes each loop."""
 
     order: Indices
     taken: tuple[str, ...]
     stated: bool
+    turns: tuple[int | None, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,7 @@ class Toolpath:
     driven     (D,) the targets in the order in which the program drives them, some twice, some not at all; None: each once, in
                the order of the text, or the text does not say
     ways       the several ways the program may go, the likeliest first; a single one that takes no branch: they are too many
+    uncounted  (target, next one) between which the program drives to others, which are not counted
     cutters    those that the file states for these targets; RAPID and tables state none
     """
 
@@ -126,6 +129,7 @@ class Toolpath:
     together: NDArray[np.bool_] | None = None
     driven: Indices | None = None
     ways: tuple[Way, ...] = ()
+    uncounted: tuple[tuple[int, int], ...] = ()
     cutters: tuple[StatedCutter, ...] = ()
 
     @property
@@ -137,7 +141,9 @@ class Toolpath:
         """Some of its targets (D,), in another order, as a path of their own."""
         rows: dict[str, Any] = {name: value[order] for name, value in vars(self).items()
                 if isinstance(value, np.ndarray) and name not in ("driven", "given")}
-        return replace(self, **rows, findings=(), given=None, switched=(), driven=None, ways=())
+        between = set(self.uncounted)
+        uncounted = tuple((k, k + 1) for k, pair in enumerate(pairwise(order.tolist())) if pair in between) if between else ()
+        return replace(self, **rows, findings=(), given=None, switched=(), driven=None, ways=(), uncounted=uncounted)
 
     def __len__(self) -> int:
         return len(self.move)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
-from compensator.forces.log_path import on_path
+from compensator.forces.log_path import on_path, placed_rows
 from compensator.forces.program_time import moves_in_air
 from compensator.forces.source import Key
 from compensator.path.driven_path import DrivenPath, driven_path
@@ -24,6 +24,8 @@ from identification.common.findings import CompstiffError, Finding, counted, err
 APART, NEARER = 0.02, 0.2
 # Samples of two ways are on the same place within this [m]; of positions those are of a way that lie on it but for this share.
 SAME, BESIDE = 5e-3, 0.01
+# A log by time alone, whose place takes long to find, is tried with no more turns of a loop than this, but for those stated.
+TURNS_BY_TIME = 2
 # A log of which no more than this share has one place on all ways is not used.
 LEAST = 0.1
 # So many moves are named.
@@ -33,12 +35,13 @@ HINT = ("log the column target, numbered by the text, or x_mm y_mm z_mm; or give
 
 
 class _Placed(NamedTuple):
-    """A log placed along one way; place (M,) [m]: by the path length of the text."""
+    """A log placed along one way; place (M,) [m]: by the path length of the text; unknown (M,): rows of no known place."""
 
     way: Way
     driven: DrivenPath
     log: ForceLog
     place: Array
+    unknown: NDArray[np.bool_]
 
 
 def as_driven(log: ForceLog, path: RobotPath) -> ForceLog:
@@ -57,7 +60,9 @@ def as_driven(log: ForceLog, path: RobotPath) -> ForceLog:
         return on_path(log, path)
     try:
         placed = on_path(log, driven.run)
-    except CompstiffError:
+    except CompstiffError as stopped:
+        if any(finding.code == "CS3124" for finding in stopped.findings):
+            raise       # the text may have the same move at its end, where nothing shows that the way is not known
         return on_path(log, path)
     if log.key in ("position", "joints"):
         by_text = on_path(log, path)
@@ -81,13 +86,14 @@ def _along_ways(log: ForceLog, path: RobotPath) -> ForceLog:
     chosen, key = placed[0], log.key
     if len(placed) == 1 or chosen.way.stated:
         said = _assumed(log, chosen.way, len(placed))
-        log = chosen.log
+        log = chosen.log.rows(~chosen.unknown) if chosen.unknown.any() else chosen.log
     else:
-        keep = _agreed(placed)
+        agreed = _agreed(placed)
+        keep = agreed & ~chosen.unknown
         if keep.mean() <= LEAST:
             raise error("CS3123", f"where this log lies depends on {_open(placed)}, which the text does not say, nor the log",
                         file=log.source, hint=HINT)
-        said = _left(log, placed, keep)
+        said = _left(log, placed, agreed | chosen.unknown)
         log = chosen.log.rows(keep)
     log = replace(log, findings=(*log.findings, *said))
     order = chosen.way.order
@@ -97,17 +103,19 @@ def _along_ways(log: ForceLog, path: RobotPath) -> ForceLog:
 def _each_way(log: ForceLog, path: RobotPath) -> Iterator[_Placed]:
     """The log along each way on which it can be placed."""
     for way in path.toolpath.ways:
+        if log.key == "time" and not way.stated and any(turns is not None and turns > TURNS_BY_TIME for turns in way.turns):
+            continue
         driven = driven_path(path, way.order)
         if driven is None:
             continue
         try:
-            placed = on_path(log, driven.run)
+            placed, unknown = placed_rows(log, driven.run)
         except CompstiffError:
             continue
         place = np.full(len(placed.place), np.nan)
-        on = np.isfinite(placed.place)
+        on = np.isfinite(placed.place) & ~unknown
         place[on] = driven.in_text(placed.place[on])[0]
-        yield _Placed(way, driven, placed, place)
+        yield _Placed(way, driven, placed, place, unknown)
 
 
 def _fitting(log: ForceLog, placed: list[_Placed]) -> list[_Placed]:
@@ -117,14 +125,24 @@ def _fitting(log: ForceLog, placed: list[_Placed]) -> list[_Placed]:
         length = np.array([one.driven.ends[0] for one in placed])
         off = np.abs(float(log.place.max()) - length)
         near = off.min(initial=np.inf)
-        if near > APART * length.max(initial=0.0):
+        if not placed or near > APART * length[np.argmin(off)]:
             return placed
         return [one for one, away in zip(placed, off, strict=True) if near >= NEARER * away]
     if log.key in ("position", "joints"):
         on = np.array([np.isfinite(one.place).sum() for one in placed])
-        fits = [number for number in np.argsort(-on, kind="stable") if on[number] >= (1 - BESIDE) * on.max()]
-        return sorted((placed[number] for number in fits), key=lambda one: not one.way.stated)
+        fits = [placed[number] for number in np.argsort(-on, kind="stable") if on[number] >= (1 - BESIDE) * on.max()]
+        return sorted(_fewest_turns(fits), key=lambda one: not one.way.stated)
     return placed
+
+
+def _fewest_turns(placed: list[_Placed]) -> list[_Placed]:
+    """Of ways that differ in turns of loops alone, which a log that ends earlier fits too, those of the fewest."""
+    fewest: dict[tuple[str, ...], _Placed] = {}
+    for one in placed:
+        branches = tuple(taken for taken, turns in zip(one.way.taken, one.way.turns, strict=True) if turns is None)
+        if branches not in fewest or len(one.way.order) < len(fewest[branches].way.order):
+            fewest[branches] = one
+    return list(fewest.values())
 
 
 def _agreed(placed: list[_Placed]) -> NDArray[np.bool_]:

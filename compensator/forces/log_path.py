@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
 from compensator.forces.map_matching import match_forwards
@@ -31,20 +32,31 @@ SHORT = 0.02
 
 def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     """The log with the key `path_mm`, NaN where a sample is not on the path; a log that names the target nearest to the tool as
-    it is.
+    it is. Rows whose place nobody knows are left out.
 
     Raises CompstiffError: CS3004 a target beyond the program, CS3005 no target of known position, CS3010 several tools or work
     objects, CS3121 positions come late in a log without time, CS3124 path lengths behind a target of unknown position, and what
     `place_by_time` raises.
     """
+    placed, unknown = placed_rows(log, path)
+    return placed.rows(~unknown) if unknown.any() else placed
+
+
+def placed_rows(log: ForceLog, path: RobotPath) -> tuple[ForceLog, NDArray[np.bool_]]:
+    """The log as of `on_path`, with all its rows, and which of them (M,) have no known place. Raises as `on_path`."""
+    if not log.on_path and log.key == "path_mm":
+        _check_unit(log, log.place[:, None], path.length[np.isfinite(path.length), None], "path_mm is")
+        return _before_unknown(replace(log, place=_in_time(log, log.place, path), on_path=True), path)
+    placed = _on_path(log, path)
+    return placed, np.zeros(len(placed.place), dtype=bool)
+
+
+def _on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     if log.on_path:
         return log
     if log.key == "target":
         _check_targets(log, path)
         return log if path.cell.force_log.form.target == "nearest" else _on_the_way(log, path)
-    if log.key == "path_mm":
-        _check_unit(log, log.place[:, None], path.length[np.isfinite(path.length), None], "path_mm is")
-        return _before_unknown(replace(log, place=_in_time(log, log.place, path), on_path=True), path)
     if log.key == "time":
         return replace(place_by_time(log, path), on_path=True)
     points, length = polyline(path.world_position, path.toolpath.move)
@@ -124,27 +136,30 @@ def _beside(log: ForceLog, beside: Array) -> list[Finding]:
                     hint="does the logger use another TCP or work object than the program, or is the log of another one?")]
 
 
-def _before_unknown(log: ForceLog, path: RobotPath) -> ForceLog:
-    """The log without its samples behind the first target of unknown position between others, since the way there is not known.
-    A log that ends where the path without such targets does counts as that one.
+def _before_unknown(log: ForceLog, path: RobotPath) -> tuple[ForceLog, NDArray[np.bool_]]:
+    """The log, and its samples (M,) behind the first target of unknown position between others, or the first move that is not
+    counted, since the way there is not known. A log that ends where the path without such does counts as that one.
 
     Raises CompstiffError (CS3124) where these are nearly all."""
     known = np.flatnonzero(~np.isnan(path.length))
-    gaps = known[:-1][np.diff(known) > 1]
+    of_moves = [before for before, behind in path.toolpath.uncounted if np.isfinite(path.length[[before, behind]]).all()]
+    gaps = np.sort(np.concatenate([known[:-1][np.diff(known) > 1], np.array(of_moves, dtype=np.intp)]))
     whole = float(path.length[known[-1]]) if len(known) else 0.0
-    if not len(gaps) or abs(float(np.nanmax(log.place)) - whole) <= max(ENDS, ENDS_SHARE * whole):
-        return log
-    keep = ~(log.place > path.length[gaps[0]])
-    number = int(log.weight[~keep].sum())
+    unknown = np.zeros(len(log.place), dtype=bool)
+    if len(gaps) and abs(float(np.nanmax(log.place)) - whole) > max(ENDS, ENDS_SHARE * whole):
+        unknown = log.place > path.length[gaps[0]]
+    number = int(log.weight[unknown].sum())
     if not number:
-        return log
+        return log, unknown
     line = int(path.toolpath.line[gaps[0] + 1])
-    finding = Finding("CS3124", "warning", f"{counted(number, 'sample')} behind the move in line {line} left out, since the "
-                      f"way there is not known: {_reason(path, int(gaps[0]) + 1)}", file=path.toolpath.source, line=line,
+    where = (f"before the move in line {line} the program drives along other targets, which are not counted (CS2016)"
+             if gaps[0] in of_moves else f"in line {line}: {_reason(path, int(gaps[0]) + 1)}")
+    finding = Finding("CS3124", "warning", f"{counted(number, 'sample')} left out, since the way there is not known: {where}",
+                      file=path.toolpath.source, line=line,
                       hint="declare it in numbers in this file; or log the column target, or x_mm y_mm z_mm")
-    if keep.mean() <= LEAST:
+    if unknown.mean() >= 1 - LEAST:
         raise CompstiffError(replace(finding, level="error"))
-    return replace(log.rows(keep), findings=(*log.findings, finding))
+    return replace(log, findings=(*log.findings, finding)), unknown
 
 
 def _reason(path: RobotPath, target: int) -> str:

@@ -17,6 +17,8 @@ MOST_LOST = 0.9
 # A log comes back to a target where the number falls by more than this, and goes twice over the program with more than this
 # share of its targets; a logger that rounds flickers between neighbours, and a path length between places so near [m].
 BACK, MOST_AGAIN, BACK_BY = 5, 0.1, 5e-3
+# A log by path length that goes on behind the end of the path by more than this share is of more than the path.
+BEYOND = 0.02
 
 
 def targets_of(log: ForceLog, path: RobotPath) -> Indices:
@@ -44,7 +46,18 @@ def said_of_lost(log: ForceLog, on: NDArray[np.bool_]) -> list[Finding]:
         return []
     level: Level = "warning" if lost > 0.01 * number else "note"
     return [Finding("CS3007", level, f"{lost} of {counted(number, 'sample')} not on the path, not used",
-                    file=log.source, line=int(log.line[np.argmin(on)]))]
+                    file=log.source, line=int(log.line[np.argmin(on)]), hint=_beyond(log, on))]
+
+
+def _beyond(log: ForceLog, on: NDArray[np.bool_]) -> str:
+    """What to do where the lost rows of a log by path length lie behind the end of the path; "" where they do not."""
+    if log.key != "path_mm" or log.sent or log.spread is not None or not on.any():
+        return ""
+    end, last = float(log.place[on].max()), float(np.nanmax(log.place))
+    if last < (1 + BEYOND) * end:
+        return ""
+    return (f"the log goes on for {1e3 * (last - end):.0f} mm behind the end of the program: more turns of a loop (a "
+            "WHILE counts as one), a second start, another program? Keep the rows of one pass: others may stand at its end")
 
 
 def check_once(log: ForceLog, target: Indices, driven: Indices | None) -> None:

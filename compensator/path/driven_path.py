@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.path.external_axes import ExternalAxes
 from compensator.path.robot_path import RobotPath, robot_path
 from identification.common.arrays import Array
 
@@ -50,11 +51,18 @@ class DrivenPath:
 
 def driven_path(path: RobotPath, order: Indices | None = None) -> DrivenPath | None:
     """The path in the order (D,) of the targets, that of the toolpath where none is named; None where that is the order of the
-    text, or cannot be told: no two targets of known place, external axes that move."""
+    text, or cannot be told: no two targets of known place, external axes that stand elsewhere in that order."""
     order = path.toolpath.driven if order is None else order
-    if order is None or len(order) < 2 or path.axes.moves:
+    if order is None or len(order) < 2:
         return None
     run = robot_path(path.toolpath.taken(order), path.cell)
     if np.isfinite(run.length).sum() < 2 or (np.isfinite(run.length) != np.isfinite(path.length[order])).any():
         return None
+    if path.axes.moves and not _axes_stand_alike(run.axes, path.axes, order):
+        return None
     return DrivenPath(path, run, order)
+
+
+def _axes_stand_alike(run: ExternalAxes, text: ExternalAxes, order: Indices) -> bool:
+    """Whether the external axes stand at each target (D,) as the order of the text leads to, and where the path begins too."""
+    return np.array_equal(run.values, text.values[order], equal_nan=True) and np.array_equal(run.rest, text.rest)

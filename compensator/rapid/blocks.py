@@ -120,6 +120,11 @@ class Routine:
             closed = _fill(block, steps, stop) is not None
         return block
 
+    def forget(self) -> None:
+        """What was told of its steps, where these are others now."""
+        for known in ("body", "handler"):
+            vars(self).pop(known, None)
+
 
 def end_routines(routines: Sequence[Routine], count: int) -> None:
     """Says where each routine ends, of a text with so many targets."""
@@ -139,6 +144,13 @@ def arguments(source: Source, call: Step) -> list[list[Token]]:
     words = words[3 if words and words[0].word == "%" else 1:]
     stop = next((k for k, word in enumerate(words) if word.word == "\\"), len(words))
     return [part[2:] if len(part) > 2 and part[1].word == ":=" else part for part in split(words[:stop], ",")]
+
+
+def options(source: Source, call: Step) -> dict[str, bool]:
+    """The optional arguments of a call by their names, and whether they are surely handed over: not `\\x?y`."""
+    words = words_of(source, call)
+    return {name.word: not (behind and behind[0].word == "?")
+            for mark, name, *behind in (words[k:k + 3] for k in range(len(words) - 1)) if mark.word == "\\"}
 
 
 def _fill(block: Block, steps: Iterator[Step], stop: int, deep: int = 0) -> Step | None:

@@ -2,8 +2,8 @@
 all, in another order than they stand in the text, or under what a caller switched: a displacement, a soft servo.
 
 Told by what the text shows: error handlers and trap routines are not driven, calls by a name that is made at run time not
-followed. Branches and loops are followed where their conditions are known. Where not, each branch is a way of its own that the
-program may go, and WHILE is one turn (the cell that waits for the next part) unless it counts.
+followed. Branches and loops are followed where their conditions are known. Where not, each branch and each number of turns is
+a way of its own that the program may go, and WHILE is one turn (the cell that waits for the next part) unless it counts.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from compensator.rapid.blocks import DEEPEST, Arm, Block, Fork, Loop, Routine, Step, end_routines
 from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
 from compensator.rapid.runs import Driven, Runs, Taken, Way
-from compensator.rapid.runtime import Parameter
+from compensator.rapid.runtime import MOTION, Parameter
 from compensator.rapid.scopes import Scope
 from compensator.rapid.values import Values
 from compensator.rapid.variables import MOST_TURNS, UNKNOWN, Known, Variables
@@ -23,6 +23,8 @@ from compensator.rapid.variables import MOST_TURNS, UNKNOWN, Known, Variables
 MOST = 20_000
 # Nor more ways through the branches of a program.
 MOST_WAYS = 64
+# Loops of unknown turns are tried with so many, beside the number in the file, where there are so many of them.
+TURNS = ((1, 2, 3, 4, 5, 6, 7, 8, 0), (1, 2, 3, 4, 0), (1, 2, 0))
 # Nor one on which each move is driven so often, where there are more than so many.
 OFTEN, MANY = 10, 100_000
 # Nor blocks within blocks beyond DEEPEST, in calls or in loops, nor more blocks in all; and of a loop's turn with more
@@ -48,13 +50,14 @@ def runs_of(routines: Sequence[Routine], count: int, values: Values, parameters:
     run.drive_all(roots)
     # A function is called where its value is asked for, which is not looked at.
     asked = any(routine.kind == "func" and routine.stop > routine.first for routine in routines)
+    uncounted = run.uncounted
     if len(numbers) < len(routines) or asked:
-        return Runs(tuple(run.driven), count)
+        return Runs(tuple(run.driven), count, uncounted=tuple(sorted(uncounted)))
     try:
-        ways = _ways(lambda choices: _Run(routines, numbers, moving, variables, count, choices), roots)
+        ways = _ways(lambda choices: _Run(routines, numbers, moving, variables, count, choices, uncounted=uncounted), roots)
     except _Open as stopped:
-        return Runs(tuple(run.driven), count, open=stopped.many)
-    return Runs(tuple(run.driven), count, ways)
+        return Runs(tuple(run.driven), count, open=stopped.many, unsettled=stopped.start, uncounted=tuple(sorted(uncounted)))
+    return Runs(tuple(run.driven), count, ways, uncounted=tuple(sorted(uncounted)))
 
 
 def _moving(routines: Sequence[Routine], numbers: Mapping[str, int]) -> frozenset[int]:
@@ -90,9 +93,11 @@ def _ways(run_with: Callable[[tuple[int, ...]], _Run], roots: list[int]) -> tupl
 
 
 class _Open(Exception):
-    """The text does not settle which moves are driven, or how often. many: since it leaves too many ways."""
+    """The text does not settle which moves are driven, or how often. many: since it leaves too many ways; start: offset of what
+    cannot be followed."""
 
-    def __init__(self, *, many: bool = False) -> None:
+    def __init__(self, start: int = -1, *, many: bool = False) -> None:
+        self.start = start
         self.many = many
 
 
@@ -120,6 +125,8 @@ class _Run:
     under_way: list[int] = field(default_factory=list)
     start: int = -1                                                 # of the call that led to where the run stands
     in_branches: set[str] = field(default_factory=set)              # routines that branches of this routine call
+    apart: bool = False         # a move that is not counted stands behind the last target
+    uncounted: set[tuple[int, int]] = field(default_factory=set)    # targets between which such a move is driven
 
     def drive_all(self, roots: Iterable[int]) -> None:
         self.variables.begin()
@@ -139,7 +146,7 @@ class _Run:
     def _drive(self, number: int, call: Step, scope: Scope) -> str:
         """Drives a routine; "exit" where the program ends in it."""
         if number in self.under_way or self.calls > MOST:
-            self._not_followed()
+            self._not_followed(call.start)
             return ""
         self.calls += 1
         routine = self.routines[number]
@@ -153,9 +160,9 @@ class _Run:
         self.variables.leave()
         return "exit" if ended == "exit" else ""
 
-    def _not_followed(self) -> None:
+    def _not_followed(self, start: int = -1) -> None:
         if self.choices is not None:
-            raise _Open
+            raise _Open(start)
 
     def _block(self, block: Block, scope: Scope, branch: bool) -> str:
         """Drives a block; "return" or "exit" where its routine or the program ends in it."""
@@ -188,6 +195,9 @@ class _Run:
     def _move(self, first: int, stop: int) -> None:
         if stop <= first:
             return
+        if self.apart and self.driven:
+            self.uncounted.add((self.driven[-1].stop - 1, first))
+        self.apart = False
         self.driven.append(Driven(first, stop, self.displaced, self.soft, self.start))
         self.length += stop - first
         if self.length > max(OFTEN * self.count, MANY):
@@ -199,7 +209,7 @@ class _Run:
                 return "return"
             if step.name.startswith("exit"):
                 return "exit"
-            self._not_followed()
+            self._not_followed(step.start)
         elif step.kind == "set":
             self.variables.take(step, scope)
         elif step.kind == "call":
@@ -209,7 +219,7 @@ class _Run:
     def _call(self, step: Step, scope: Scope, branch: bool) -> str:
         ended = ""
         if step.name in LATE:
-            self._not_followed()
+            self._not_followed(step.start)
         elif step.name in DISPLACEMENT:
             self.displaced = DISPLACEMENT[step.name]
         elif step.name in SOFT_SERVO:
@@ -218,6 +228,7 @@ class _Run:
             # Of several branches that call the same routine one is taken.
             self.in_branches |= {step.name} if branch else set()
             ended = self._drive(self.numbers[step.name], step, scope)
+        self.apart |= self._uncounted(step)
         self.variables.take(step, scope)
         return ended
 
@@ -236,8 +247,8 @@ class _Run:
         """A loop for what it may drive: once, and again where it counts."""
         name = ""
         if loop.head.kind == "for":
-            name, values = self.variables.turns(loop.head, scope)
-            turns = 2 if values is None else len(values)
+            name, values, stated = self.variables.turns(loop.head, scope)
+            turns = 2 if values is None or stated else len(values)
         else:
             known = self._truth(loop.head, scope)
             turns = 0 if known == Known(False) else 1 + self.variables.changes(loop.body, loop.head)
@@ -254,17 +265,53 @@ class _Run:
         self.driven[begin:] = 2 * turn if turns > 1 else turn
         return ended
 
-    def _skip(self, loop: Loop, scope: Scope) -> str:
-        """Passes over a loop whose turns are not known."""
-        if self._moves(loop.body):
-            raise _Open
-        self.variables.skip(loop.body, scope)
+    def _openly(self, loop: Loop, scope: Scope, branch: bool, values: Sequence[float] | None = None, name: str = "") -> str:
+        """A loop whose turns are not known, each number of them a way of its own. values: of its variable, as stated."""
+        if not self._moves(loop.body):
+            self._skip(loop.body, scope)
+            return ""
+        stated = None if values is None or len(values) > MOST_TURNS else len(values)
+        tried = TURNS[min(self._open_loops(), len(TURNS)) - 1]
+        counts = tried if stated is None or stated in tried else (*tried, stated)
+        count = counts[self._choose(len(counts), 0 if stated is None else counts.index(stated))]
+        self.taken.append(Taken(loop.head.start, False, count == stated, count))
+        for turn in range(count):
+            if name:
+                self.variables.hold(name, Known(values[turn]) if values is not None and turn < len(values) else UNKNOWN)
+            ended = self._block(loop.body, scope, branch)
+            if ended:
+                return ended
+        self._skip(loop.body, scope)
         return ""
 
+    def _skip(self, block: Block, scope: Scope) -> None:
+        """Passes over a block that may have been done or not, and drives no targets."""
+        self.apart |= any(self._uncounted(step) for step in block.steps())
+        self.variables.skip(block, scope)
+
+    def _uncounted(self, step: Step) -> bool:
+        """Whether a step drives along targets that are not counted, such as TriggL."""
+        return step.kind == "call" and step.name not in self.numbers and bool(MOTION.fullmatch(step.name))
+
+    def _open_loops(self) -> int:
+        """How many loops of the program may have such turns."""
+        return sum(self._moves(loop.body) for routine in self.routines for loop in routine.body.loops())
+
+    def _choose(self, options: int, first: int) -> int:
+        """Which of several ways is gone on, first where nothing was chosen. Raises _Open: too many."""
+        number = len(self.chosen)
+        choice = self.choices[number] if self.choices and number < len(self.choices) else first
+        if number > MOST_WAYS:
+            raise _Open(many=True)
+        self.chosen.append(choice)
+        self.options.append(options)
+        return choice
+
     def _for(self, loop: Loop, scope: Scope, branch: bool) -> str:
-        name, values = self.variables.turns(loop.head, scope)
-        if values is None or len(values) > MOST_TURNS:
-            return self._skip(loop, scope)
+        name, values, stated = self.variables.turns(loop.head, scope)
+        if values is None or stated or len(values) > MOST_TURNS:
+            with self.variables.loop(name):
+                return self._openly(loop, scope, branch, values, name)
         with self.variables.loop(name):
             for value in values:
                 self.variables.hold(name, Known(value))
@@ -281,7 +328,7 @@ class _Run:
             if (sure and not known.value) or (turn and not counts):
                 return ""
             if counts and not sure:
-                return self._skip(loop, scope)
+                return self._openly(loop, scope, branch)
             ended = self._block(loop.body, scope, branch)
             if ended:
                 return ended
@@ -314,17 +361,12 @@ class _Run:
         if not any(self._moves(arm.body) for arm in possible if arm is not None):
             for arm in possible:
                 if arm is not None:
-                    self.variables.skip(arm.body, scope)
+                    self._skip(arm.body, scope)
             return ""
         # A pass that ends in an error is none.
         possible = [arm for arm in possible if arm is None or not _fails(arm.body)] or possible
-        number = len(self.chosen)
         by_file = next((k for k, arm in enumerate(possible) if stated and arm is stated[0]), -1)
-        choice = self.choices[number] if number < len(self.choices) else max(by_file, 0)
-        if number > MOST_WAYS:
-            raise _Open(many=True)
-        self.chosen.append(choice)
-        self.options.append(len(possible))
+        choice = self._choose(len(possible), max(by_file, 0))
         arm = possible[choice]
         if len(possible) > 1:
             self.taken.append(Taken((fork if arm is None else arm).head.start, arm is None, choice == by_file))

@@ -18,7 +18,7 @@ DEEPEST = 40
 
 
 def value_of(words: list[Token], named: Callable[[Token], Value], depth: int = 0) -> Value:
-    """The value of an expression, tokens without one of kind "end". named: the value of a name.
+    """The value of an expression, tokens without one of kind "end". named: the value of a name, of "present x" for Present(x).
 
     NOT binds less than AND by the controller's table of priorities, more by its grammar: where that matters nothing is known.
     """
@@ -41,6 +41,8 @@ def value_of(words: list[Token], named: Callable[[Token], Value], depth: int = 0
         return _COMPARES[signs[0]](a, b)
     if words[0].word == "(" and words[-1].word == ")" and _closes_last(words):
         return value_of(words[1:-1], named, depth + 1)
+    if len(words) == 4 and words[0].word == "present" and words[1].word == "(":
+        return named(words[2]._replace(word=f"present {words[2].word}"))
     if len(words) == 1 and words[0].kind == "name":
         return words[0].word == "true" if words[0].word in ("true", "false") else named(words[0])
     return arithmetic([*words, Token("end", words[-1].end, words[-1].end, b"", "")], lambda token: _number(named(token)))

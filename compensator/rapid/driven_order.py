@@ -37,11 +37,22 @@ def said_of_order(program: RapidProgram, forced: Flags, key: str, *, followed: b
                             "pushed less, and comes out too deep: give it moves and a log of its own"))
     if key == "target" or followed:
         return findings
+    if key in ("path_mm", "time") and runs.unsettled >= 0:
+        return [*findings, _not_followed(program)]
     whole = key == "path_mm"
     back = runs.first_back(np.ones_like(forced) if whole else forced & (times == 1))
     if back is not None:
         findings.append(_out_of_order(program, back, whole))
     return findings
+
+
+def _not_followed(program: RapidProgram) -> Finding:
+    start = program.runs.unsettled
+    line = int(locate(program.source, [start])[0][0])
+    shown = " ".join(program.source.text(start, start + 60).split("\n")[0].split())
+    return Finding("CS4118", "warning", f"'{shown}' cannot be followed: the log is placed as if all moves were driven once, in "
+                   "the order of the text", file=program.toolpath.source, line=line, hint="log the column target, numbered by "
+                   "the text, or x_mm y_mm z_mm; or write it as IF, FOR or a call by its name")
 
 
 def _out_of_order(program: RapidProgram, back: Driven, whole: bool) -> Finding:

@@ -47,7 +47,7 @@ class MoveText:
 def move_text(program: RapidProgram, first: int) -> MoveText | None:
     """The text of the move whose first target is `first`; None where it is not one that can be repeated."""
     source, last, span = program.source, _last(program, first), _span(program, first)
-    if span is None or first in program.scan.looped:
+    if span is None or first in program.scan.looped or first in program.scan.handed:
         return None
     start, end = span
     targets_end = program.scan.end[last]

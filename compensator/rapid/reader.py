@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from compensator.rapid.calls import runs_of
+from compensator.rapid.handed_targets import follow_calls
+from compensator.rapid.namesakes import tell_apart
 from compensator.rapid.program import RapidProgram
 from compensator.rapid.quaternions import UNUSABLE
 from compensator.rapid.reports import Places, report
@@ -20,6 +22,7 @@ from compensator.rapid.unrolled import unroll
 from compensator.rapid.values import UNUSED, Values
 from compensator.toolpath import Move, Toolpath, Way
 from identification.common.arrays import held_once, nothing_or, read_only
+from identification.common.findings import counted
 
 _LARGEST_CONFDATA = 1e6         # anything beyond is no quadrant; it also keeps the conversion to integers defined
 
@@ -35,6 +38,8 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     scanned = scan(source)
     values = Values(source, scanned.names, changing(scanned.names, scanned.uses, scanned.routines))
     unroll(scanned, values)
+    tell_apart(scanned)
+    follow_calls(scanned, values)
     scanned.read_expressions()
     count = len(scanned.move)
     runs = runs_of(scanned.bodies, count, values, scanned.routines)
@@ -82,7 +87,7 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
         external=nothing_or(external), joints=nothing_or(joints), tool=tails.tool, workobject=tails.workobject,
         feed=tails.feed, zone=tails.zone, block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
         switched=tuple(scanned.units), together=together if together.any() else None, driven=runs.order,
-        ways=_ways(source, runs),
+        ways=_ways(source, runs), uncounted=runs.uncounted,
     )
     read_only(position, quaternion, toolpath.external, toolpath.joints, line, column, block, toolpath.confdata, has_confdata)
     return RapidProgram(toolpath, source, scanned, values, rows, runs)
@@ -101,12 +106,15 @@ def _ways(source: Source, runs: Runs) -> tuple[Way, ...]:
     if runs.open:
         return (Way(np.arange(runs.count), (), stated=False),)
     return () if len(runs.ways) < 2 else tuple(
-        Way(way.order, tuple(_taken(source, branch) for branch in way.taken), way.stated) for way in runs.ways)
+        Way(way.order, tuple(_taken(source, branch) for branch in way.taken), way.stated,
+            tuple(branch.turns for branch in way.taken)) for way in runs.ways)
 
 
 def _taken(source: Source, branch: Taken) -> str:
     line = int(locate(source, np.array([branch.start]))[0][0])
     shown = " ".join(source.text(branch.start, branch.start + 60).split("\n")[0].split())
+    if branch.turns is not None:
+        return f"{counted(branch.turns, 'turn')} of '{shown}' in line {line}"
     return f"{'no branch of ' if branch.none else ''}'{shown}' in line {line}"
 
 

@@ -17,7 +17,7 @@ from compensator.rapid.tails import Tails
 from compensator.rapid.text import Offsets, Source, locate
 from compensator.rapid.values import Values
 from compensator.toolpath import Array, Move, ToolFrame, WorkObject
-from identification.common.findings import Finding, Level
+from identification.common.findings import Finding, Level, counted
 
 Mask = NDArray[np.bool_]
 
@@ -53,7 +53,7 @@ def report(
     displacement is on; soft (N,): a soft servo is; axes_offset (N,): the target drives an external axis while an offset of
     these is on."""
     block = np.full(len(off), "", dtype=object)
-    findings = [*_unsettled(rows, places, block), *_looped(scan, rows, places, block)]
+    findings = [*_unsettled(rows, places, block), *_looped(scan, rows, places, block), *_called(scan, places, block)]
     findings += _quaternions(tails, places, off, block)
     findings += _shifted(scan, tails, places, displaced, soft, axes_offset, block)
     findings += _frames(tails.tools, tails.tool, "tool", "CS2020", "CS2022", places)
@@ -93,14 +93,36 @@ def _looped(scan: Scan, rows: Rows, places: Places, block: NDArray[np.object_]) 
     shared = np.bincount(rows.row)[rows.row[looped]] > 1
     shared |= np.isin(rows.declaration[rows.row[looped]], sorted(read))
     findings = [places.targets(
-        "CS2059", "note", f"{len(looped)} targets are elements of an array that a loop drives: each counts as one", looped,
-        "what is corrected is written into the array")]
+        "CS2059", "note", f"{len(looped)} targets of moves that a loop drives: each turn has targets of its own", looped,
+        "what is corrected is written into the array whose elements they are")]
+    nowhere = looped[(rows.declaration[rows.row[looped]] < 0) & (block[looped] == "")]
+    if len(nowhere):
+        why = "one move in a loop drives to this place and to others, and no array holds them"
+        block[nowhere] = why
+        findings.append(places.targets("CS2059", "warning", f"the target is left as it is: {why}", nowhere,
+                                       "write the moves one by one, or the targets into an array, if they are to be corrected"))
     which = looped[shared & (block[looped] == "")]
     if len(which):
         why = "a loop drives to this element of an array, and something else uses it too"
         block[which] = why
         findings.append(places.targets("CS2059", "warning", f"the target is left as it is: {why}", which,
                                        "give the loop an array of its own"))
+    return findings
+
+
+def _called(scan: Scan, places: Places, block: NDArray[np.object_]) -> list[Finding]:
+    """Targets that calls hand over to the moves of a routine."""
+    if not scan.handed:
+        return []
+    findings = [places.targets(
+        "CS2060", "note", f"{counted(len(scan.handed), 'target')} of routines to which calls hand their target: each call "
+        "counts as moves of its own", sorted(scan.handed), "what is corrected is written into the call")]
+    for why in sorted({why for why in scan.handed.values() if why}):
+        which = [target for target in sorted(scan.handed) if scan.handed[target] == why and not block[target]]
+        block[which] = why
+        if which:
+            findings.append(places.targets("CS2060", "warning", f"the target is left as it is: {why}", which,
+                                           "write moves for each call if they cut and are to be corrected"))
     return findings
 
 

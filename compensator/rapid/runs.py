@@ -25,11 +25,12 @@ class Driven(NamedTuple):
 
 class Taken(NamedTuple):
     """A branch of unknown condition, as it is taken on one way. start: offset of the word of the branch, or of the IF or TEST
-    none of whose branches is; stated: by the values in the file."""
+    none of whose branches is; stated: by the values in the file; turns: of a loop, as often as it is driven."""
 
     start: int
     none: bool
     stated: bool
+    turns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +55,15 @@ class Way:
 class Runs:
     """One run of a program: its stretches in the order in which they are driven, of branches that are not known all of them.
     ways: those it may go, that of the file's values first; none where the text does not settle how often moves are driven.
-    open: they are too many to follow."""
+    open: they are too many to follow; unsettled: offset of what they cannot be followed through, -1 for nothing. uncounted:
+    targets one behind the other between which the program drives to others, which are not counted (TriggL, SearchL)."""
 
     driven: tuple[Driven, ...]
     count: int
     ways: tuple[Way, ...] = ()
     open: bool = False
+    unsettled: int = -1
+    uncounted: tuple[tuple[int, int], ...] = ()
 
     @property
     def displaced(self) -> Mask:

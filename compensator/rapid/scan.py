@@ -27,7 +27,8 @@ class Scan:
     name: number in `spellings` where it is just a name, else -1. `expressions` holds the others by target.
     scopes, shifts, softened, offsets: (first target, value) from which on the scope holds, the program is displaced, its servo
     soft, or the external axes displaced. units: (first target, name of a mechanical unit, whether it is on) of each switch.
-    looped: targets to which a move in a loop drives, one each turn (unrolled.py).
+    looped: targets to which a move in a loop drives, one each turn (unrolled.py). handed: targets that calls hand over, one
+    each call, and why they cannot be corrected, "" where they can (handed_targets.py).
     """
 
     source: Source
@@ -47,6 +48,7 @@ class Scan:
     scopes: list[tuple[int, Scope]] = field(default_factory=lambda: [(0, Scope(0, -1))])
     shifts: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     looped: set[int] = field(default_factory=set)
+    handed: dict[int, str] = field(default_factory=dict)
     softened: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     offsets: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     units: list[tuple[int, str, bool]] = field(default_factory=list)

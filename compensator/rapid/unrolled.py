@@ -1,44 +1,33 @@
 """Loops over arrays of targets, `FOR i FROM 1 TO 9 DO MoveL aPath{i},... ENDFOR`, as the moves that they drive.
 
-Only where nothing but such moves stands in the loop, and numbers and constants settle its turns. What is corrected is written
-into the array: the move itself stays as it is.
+Only where nothing but such moves, or moves to Offs and RelTool, stands in the loop, and numbers and constants settle its turns.
+What is corrected is written into the array: the move itself stays as it is, and so do the places of Offs and RelTool.
 """
 
 from __future__ import annotations
 
-from array import array
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
-
-import numpy as np
 
 from compensator.rapid.arithmetic import arithmetic
 from compensator.rapid.blocks import Loop, end_routines, words_of
 from compensator.rapid.conditions import split
 from compensator.rapid.expressions import Expr
 from compensator.rapid.lexer import Token, tokens
+from compensator.rapid.repeated import Repeated, places, repeat
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Scope
 from compensator.rapid.values import Unsettled, Values
 
-_Entry = TypeVar("_Entry", bound=tuple[object, ...])
 # A loop of more targets stays one move.
 MOST = 100_000
 
 
 @dataclass(frozen=True, slots=True)
 class _Turned:
-    """A loop of targets first ... stop - 1 of the text; turns: the expressions of these at each turn."""
+    """A loop of targets, and these at each turn."""
 
     loop: Loop
-    first: int
-    stop: int
-    turns: list[list[Expr]]
-
-    @property
-    def more(self) -> int:
-        return (len(self.turns) - 1) * (self.stop - self.first)
+    targets: Repeated
 
 
 def unroll(scan: Scan, values: Values) -> None:
@@ -48,50 +37,15 @@ def unroll(scan: Scan, values: Values) -> None:
              if (turned := _turned(scan, values, loop, routine.scope)) is not None]
     if not loops:
         return
-    loops.sort(key=lambda loop: loop.first)
-    take, expressions = _targets(scan, loops)
-    for name in ("start", "rest", "end", "name", "tail"):
-        column: array[int] = getattr(scan, name)
-        setattr(scan, name, array(column.typecode, np.frombuffer(column, dtype=column.typecode)[take].tolist()))
-    scan.move = bytearray(np.frombuffer(scan.move, dtype=np.uint8)[take].tobytes())
-    scan.expressions = expressions
-    for name in ("scopes", "shifts", "softened", "offsets", "units"):
-        setattr(scan, name, _moved(getattr(scan, name), loops))
+    loops.sort(key=lambda turned: turned.targets.first)
+    repeats = [turned.targets for turned in loops]
+    scan.looped.update(target for targets in repeat(scan, repeats) for target in targets)
+    place = places(repeats)
     gone = {step for turned in loops for step in (turned.loop.head, turned.loop.end)}
     for routine in scan.bodies:
-        routine.first = _at(routine.first, loops)
-        routine.steps = [step._replace(at=_at(step.at, loops)) for step in routine.steps if step not in gone]
-        for known in ("body", "handler"):
-            vars(routine).pop(known, None)
-
-
-def _targets(scan: Scan, loops: Sequence[_Turned]) -> tuple[np.ndarray, dict[int, Expr]]:
-    """Which target of the text each is, and its expression where it has one."""
-    take: list[np.ndarray] = []
-    expressions: dict[int, Expr] = {}
-    at = number = 0
-    for turned in loops:
-        take.append(np.arange(at, turned.first))
-        number += turned.first - at
-        for turn in turned.turns:
-            take.append(np.arange(turned.first, turned.stop))
-            expressions.update(enumerate(turn, number))
-            scan.looped.update(range(number, number + len(turn)))
-            number += len(turn)
-        at = turned.stop
-    take.append(np.arange(at, len(scan.move)))
-    inside = {target for turned in loops for target in range(turned.first, turned.stop)}
-    expressions.update((_at(target, loops), expr) for target, expr in scan.expressions.items() if target not in inside)
-    return np.concatenate(take), expressions
-
-
-def _at(target: int, loops: Sequence[_Turned]) -> int:
-    """The place of a target, or of what stands before it, with all turns."""
-    return target + sum(turned.more for turned in loops if turned.stop <= target)
-
-
-def _moved(entries: list[_Entry], loops: Sequence[_Turned]) -> list[_Entry]:
-    return [type(entry)((_at(int(str(entry[0])), loops), *entry[1:])) for entry in entries]
+        routine.first = place(routine.first)
+        routine.steps = [step._replace(at=place(step.at)) for step in routine.steps if step not in gone]
+        routine.forget()
 
 
 def _turned(scan: Scan, values: Values, loop: Loop, scope: Scope) -> _Turned | None:
@@ -106,11 +60,11 @@ def _turned(scan: Scan, values: Values, loop: Loop, scope: Scope) -> _Turned | N
     name, turns = known
     found = []
     for turn in turns:
-        at_turn = [None if expr is None else _element(values, expr, scope, name, turn) for expr in exprs]
+        at_turn = [None if expr is None else _at_turn(values, expr, scope, name, turn) for expr in exprs]
         if None in at_turn:
             return None
         found.append([expr for expr in at_turn if expr is not None])
-    return _Turned(loop, first, stop, found)
+    return _Turned(loop, Repeated(first, stop, found))
 
 
 def _turns(scan: Scan, values: Values, loop: Loop, scope: Scope) -> tuple[str, list[float]] | None:
@@ -148,6 +102,24 @@ def _number(values: Values, words: list[Token], scope: Scope, variable: str, val
         return None if isinstance(known, Unsettled) else known
 
     return arithmetic([*words, Token("end", -1, -1, b"", "")], named) if words else None
+
+
+def _at_turn(values: Values, expr: Expr, scope: Scope, variable: str, value: float) -> Expr | None:
+    """What a target is at one turn: an element of an array, or Offs and RelTool by numbers that the turn settles; None where it
+    is something else."""
+    if expr.kind != "call" or expr.name not in ("offs", "reltool") or len(expr.items) != 4:
+        return _element(values, expr, scope, variable, value)
+    base, *shift = expr.items
+    if base.kind in ("call", "element"):
+        inner = _at_turn(values, base, scope, variable, value)
+        base = base if inner is None else inner
+    found = []
+    for item in shift:
+        number = _number(values, tokens(values.source, item.start, item.end)[:-1], scope, variable, value)
+        if number is None:
+            return None
+        found.append(Expr("number", item.start, item.end, value=number))
+    return replace(expr, items=(base, *found))
 
 
 def _element(values: Values, expr: Expr, scope: Scope, variable: str, value: float) -> Expr | None:

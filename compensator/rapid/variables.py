@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
-from compensator.rapid.blocks import COUNTS, Arm, Block, Fork, Routine, Step, arguments, words_of
+from compensator.rapid.blocks import COUNTS, Arm, Block, Fork, Routine, Step, arguments, options, words_of
 from compensator.rapid.conditions import Value, split, value_of
 from compensator.rapid.lexer import Token
 from compensator.rapid.runtime import Parameter
@@ -30,6 +30,14 @@ class Known(NamedTuple):
 
 
 UNKNOWN = Known(None)
+
+
+class Turns(NamedTuple):
+    """The variable of a FOR, its values, None where they are not known, and whether these are only stated."""
+
+    name: str
+    values: list[float] | None
+    stated: bool = False
 
 
 @dataclass(slots=True)
@@ -101,22 +109,23 @@ class Variables:
         value = value_of(words, named)
         return Known(value, stated)
 
-    def turns(self, step: Step, scope: Scope) -> tuple[str, list[float] | None]:
-        """The variable of a FOR, and its values; None where they are not known, or are only stated."""
+    def turns(self, step: Step, scope: Scope) -> Turns:
+        """The turns of a FOR."""
         words = words_of(self.values.source, step)
         marks = {word.word: k for k, word in enumerate(words) if word.word in ("from", "to", "step", "do")}
         if len(words) < 2 or not {"from", "to", "do"} <= set(marks):
-            return "", None
+            return Turns("", None)
         ends = (marks["from"], marks["to"], marks.get("step", marks["do"]), marks["do"])
         parts = [self._of(words[a + 1:b], scope) for a, b in pairwise(ends) if b > a]
-        if any(part.stated or part.value is None or isinstance(part.value, bool) for part in parts):
-            return words[1].word, None
+        if any(part.value is None or isinstance(part.value, bool) for part in parts):
+            return Turns(words[1].word, None)
         first, last, *by = (float(part.value or 0.0) for part in parts)
         stride = by[0] if by else (1.0 if last >= first else -1.0)
         if not stride:
-            return words[1].word, None
+            return Turns(words[1].word, None)
         count = max(int((last - first) / stride + 1e-9) + 1, 0) if (last - first) * stride >= 0 else 0
-        return words[1].word, [first + k * stride for k in range(min(count, MOST_TURNS + 1))]
+        return Turns(words[1].word, [first + k * stride for k in range(min(count, MOST_TURNS + 1))],
+                     any(part.stated for part in parts))
 
     def hold(self, name: str, known: Known) -> None:
         """The variable of a loop."""
@@ -140,10 +149,14 @@ class Variables:
         frame = {self.values.names.declarations[parameter.declaration].name: UNKNOWN
                  for parameter in self.parameters.get(routine.name, ())}
         given = arguments(self.values.source, step) if step.start >= 0 else []
+        optional = options(self.values.source, step) if step.start >= 0 else {}
         for parameter in self.parameters.get(routine.name, ()):
             if isinstance(parameter.slot, int) and parameter.slot < len(given) and parameter.mode == "in":
                 name = self.values.names.declarations[parameter.declaration].name
                 frame[name] = self._of(given[parameter.slot], scope)
+            elif isinstance(parameter.slot, str) and step.start >= 0:
+                frame[f"present {parameter.slot}"] = Known(optional[parameter.slot] or None) if (
+                    parameter.slot in optional) else Known(False)
         declarations = self.values.names.declarations
         for number in [number for number in self._now if declarations[number].scope == routine.scope]:
             if declarations[number].storage == "var":

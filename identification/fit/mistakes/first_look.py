@@ -80,12 +80,16 @@ def times_smaller(data: LoadTest) -> float:
     return float(np.linalg.norm(columns @ (1 / data.prior.prior.stiffness)) / np.linalg.norm(readings))
 
 
-def unexplained(data: LoadTest) -> float:
-    """Share of the squared readings that no springs explain, the stated noise taken off."""
+def unexplained(data: LoadTest, before: LoadTest | None = None) -> float:
+    """Share of the squared readings that no springs explain, the stated noise taken off. before: the same where another unit
+    has not yet made the readings smaller, which their noise goes with."""
     from scipy.optimize import nnls
 
     columns, readings, noise = _columns(data)
     squares = float(readings @ readings)
+    if before is not None:
+        first = _columns(before)[1]
+        noise *= min(1.0, squares / float(first @ first))
     if squares <= noise:
         return 0.0
     size = np.linalg.norm(columns, axis=0)
@@ -122,7 +126,7 @@ def _explaining(data: LoadTest, left: float) -> Mistake | None:
     """The usual mistake without which the springs explain the readings best, if they do."""
     tried = (*axes_mistakes(data), *joint_mistakes(data), *reading_mistakes(data), *cell_mistakes(data))
     candidates = [mistake for mistake in tried if mistake.usual]
-    each = [unexplained(mistake.mended(data)) for mistake in candidates]
+    each = [unexplained(mistake.mended(data), data) for mistake in candidates]
     best = int(np.argmin(each))
     return candidates[best] if each[best] < LEFT * left else None
 

@@ -19,7 +19,7 @@ from identification.common.findings import CompstiffError
 def log_of(place: list[float], key: str = "length") -> ForceLog:
     count = len(place)
     return cast(ForceLog, SimpleNamespace(key=key, place=np.array(place), weight=np.ones(count),
-                                          line=np.arange(2, count + 2), source="log.csv"))
+                                          line=np.arange(2, count + 2), source="log.csv", sent=False, spread=None))
 
 
 def test_rows_before_and_behind_the_path_belong_to_no_target() -> None:
@@ -72,3 +72,11 @@ def test_a_log_that_comes_back_to_a_tenth_is_of_one_pass(again: int, refused: bo
     with pytest.raises(CompstiffError, match=f"comes back to {again} targets that it had left, from target 99 to 0") as stopped:
         check_once(log, place, None)
     assert (stopped.value.findings[0].code, stopped.value.findings[0].line) == ("CS3119", 102)
+
+
+@pytest.mark.parametrize(("length", "said"), [(1.0, False), (1.01, False), (3.0, True)])
+def test_a_log_by_path_length_that_goes_on_is_told_what_to_do(length: float, said: bool) -> None:
+    place = np.linspace(0.0, length, 200)
+    log = log_of(place.tolist(), "path_mm")
+    hints = [finding.hint for finding in said_of_lost(log, place <= 1.0)]
+    assert any("one pass" in hint for hint in hints) == said

@@ -115,3 +115,15 @@ def test_a_routine_with_a_loop_may_be_called_twice() -> None:
     read = program("rA;\nrB;\nrA;", more=own)
     assert read.runs.order is not None
     assert read.runs.order.tolist() == [0, 1, 2, 0, 1]
+
+
+def test_shifts_by_the_turn_have_known_places_and_stay_as_they_are() -> None:
+    """x + 10 i of the first, x + 5 of an element of the second."""
+    read = program(loop("i FROM 1 TO 3", "Offs(aP{1},10*i,0,0)", "Offs(aP{i},5,0,0)"))
+    first = 1e3 * program(move("aP{1}")).toolpath.position[0]
+    others = [1e3 * program(move(f"aP{{{turn}}}")).toolpath.position[0] for turn in (1, 2, 3)]
+    place = 1e3 * read.toolpath.position
+    np.testing.assert_allclose(place[0::2] - first, [[10, 0, 0], [20, 0, 0], [30, 0, 0]], atol=1e-9)
+    np.testing.assert_allclose(place[1::2] - np.array(others), 3 * [[5, 0, 0]], atol=1e-9)
+    assert all("one move in a loop" in why for why in read.toolpath.block)
+    assert [finding.level for finding in read.toolpath.findings if finding.code == "CS2059"] == ["note", "warning"]

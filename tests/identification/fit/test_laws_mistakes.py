@@ -395,3 +395,17 @@ def test_a_unit_belongs_to_its_own_columns(data: LoadTest) -> None:
     assert sorted(reading) == ["deflection", "sigma"]
     np.testing.assert_allclose(reading["deflection"], 1e-3 * rows.deflection)
     np.testing.assert_allclose(reading["sigma"], 2e-9)
+
+
+@pytest.mark.parametrize("fault", ["one wild row", "joint 1 off", "positions"])
+def test_a_first_look_names_no_unit_for_what_no_unit_explains(data: LoadTest, fault: str) -> None:
+    """Directions that fit no springs do so in any unit; readings made a thousand times smaller only drown in the noise."""
+    deflection, theta = data.rows.deflection.copy(), data.rows.theta.copy()
+    if fault == "one wild row":
+        deflection[20] *= 100
+    elif fault == "joint 1 off":
+        theta[:, 0] += np.radians(30)
+    else:
+        deflection += np.random.default_rng(5).normal(0, 3e-4, deflection.shape)
+    said = first_look(data.with_rows(replace(data.rows, deflection=deflection, theta=theta)))
+    assert said is None or "not in um" not in said.message

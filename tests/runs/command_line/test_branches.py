@@ -11,6 +11,7 @@ from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_followed_calls import AWAY, POINTS, A, B, force_at, log_of
 from tests.runs.command_line.test_placement import IRB6660, TOOL, K, Path3
 from tests.runs.command_line.user_files import Job
+from tests.runs.milling.carried_job import SLIDE_ZERO, slide_yaml
 
 DATA = "CONST num nKind:=2;\nPERS num nPart:=1;\nVAR num nTurn;\nLOCAL VAR bool bTry;\nPERS bool bCheck:=TRUE;\n"
 
@@ -134,3 +135,30 @@ def test_branches_without_moves_change_nothing(tmp_path: Path) -> None:
     assert result.code == 0, result
     assert not kit.codes(result) & {"CS3122", "CS3123", "CS4118"}
     seen(tmp_path, order, path, set())
+
+
+def on_a_track(text: str, path: Path3) -> str:
+    """The program with another place of the robot's track at each target."""
+    for target, one in enumerate(path.text):
+        text = text.replace(one, one.replace(kit.E, f"[{SLIDE_ZERO + 0.5 * target},9E9,9E9,9E9,9E9,9E9]"))
+    return text
+
+
+@pytest.mark.parametrize("key", ["path_mm", "x_mm"])
+@pytest.mark.parametrize("body", ["A IF DInput(diCheck)=1 THEN AWAY ENDIF B", "A IF nKind=1 THEN AWAY ENDIF B"])
+def test_a_branch_is_followed_on_a_moving_track(tmp_path: Path, body: str, key: str) -> None:
+    """As the program without it is."""
+    path = Path3(np.array(POINTS, dtype=float))
+    log, cell = log_of(path, [*A, *B], key), kit.cell_text(extra=f"mechanical_units:\n{slide_yaml()}")
+    tables = []
+    for name, main in (("with", body), ("without", "A B")):
+        (tmp_path / name).mkdir()
+        text, order = program(path, main)
+        result = Job(tmp_path / name, cell=cell, program=on_a_track(text, path), forces=log).correct("--json", "--keep-targets")
+        assert result.code == 0, result
+        assert [finding["level"] for finding in result.json["findings"] if finding["code"] == "CS3123"] in ([], ["note"])
+        rows = dict(zip(order, kit.table(tmp_path / name / "offsets.csv"), strict=True))
+        tables.append(kit.column([rows[target] for target in [*A, *B]], "dx_um", "dy_um", "dz_um"))
+    np.testing.assert_allclose(tables[0][:len(A) - 1], tables[1][:len(A) - 1], atol=0.01)
+    np.testing.assert_allclose(tables[0][len(A) + 1:], tables[1][len(A) + 1:], atol=0.01)
+    assert np.abs(tables[1]).max() > 100

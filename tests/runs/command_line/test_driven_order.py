@@ -61,10 +61,10 @@ def test_a_routine_called_under_a_displacement_is_left_as_it_is(tmp_path: Path, 
 
 @pytest.mark.parametrize(("header", "main", "told"), [
     ("path_mm", "rCut;\nrHome;", False), ("path_mm", "rHome;\nrCut;", False), ("x_mm,y_mm,z_mm", "rHome;\nrCut;", False),
-    ("path_mm", "FOR i FROM 1 TO nTimes DO\nrHome;\nENDFOR\nrCut;", True)])
+    ("path_mm", "GOTO over;\nover:\nrHome;\nrCut;", True)])
 def test_path_lengths_of_another_order_are_told(tmp_path: Path, header: str, main: str, told: bool) -> None:
     """rHome stands behind rCut in the text: driven before it, the path length of the log begins with it. It is told where the
-    text does not say how often it is driven."""
+    text is not followed."""
     result = job(tmp_path, line(20, 10), main, header).correct("--json")
     assert result.code == 0
     assert ("CS4118" in kit.codes(result)) == told

@@ -1,0 +1,94 @@
+"""Targets that calls hand over to a routine: read as the moves that each call drives, and corrected in the call alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from compensator.rapid import RapidProgram, move_text, read_rapid, rewrite
+from tests.compensator.rapid.small_programs import target
+
+DATA = "".join(f"CONST robtarget p{k}:={target(k)};\n" for k in range(10, 14))
+CUT = "PROC cut(robtarget p)\nMoveL p,v100,z1,tool0;\nENDPROC\n"
+
+
+def move(expression: str) -> str:
+    return f"MoveL {expression},v100,z1,tool0;\n"
+
+
+def program(body: str, routines: str = CUT, data: str = DATA) -> RapidProgram:
+    return read_rapid(f"MODULE M\n{data}PROC main()\n{body}\nENDPROC\n{routines}ENDMODULE\n".encode(), "handed.mod")
+
+
+def numbers(read: RapidProgram) -> list[float]:
+    """The number by which small_programs.target tells them, of the targets as they are driven."""
+    two = read_rapid(f"MODULE M\nPROC p()\n{move(target(0))}{move(target(1))}ENDPROC\nENDMODULE\n".encode()).toolpath.position
+    order = read.toolpath.driven
+    position = read.toolpath.position if order is None else read.toolpath.position[order]
+    return [float(np.dot(place - two[0], two[1] - two[0]) / np.dot(two[1] - two[0], two[1] - two[0])) for place in position]
+
+
+@pytest.mark.parametrize(("body", "routines", "driven"), [
+    ("cut p10;\ncut p12;\ncut p11;", CUT, [10, 12, 11]),
+    (f"{move(target(1))}cut p10;\n{move(target(2))}cut p:=p11;\n{move(target(3))}", CUT, [1, 10, 2, 11, 3]),
+    (f"cut {target(5)};\ncut p11;", CUT, [5, 11]),
+    ('%"cut"% p12;\ncut p11;', CUT, [12, 11]),
+    ("line p10,p11;\nline p12,p13;",
+     f"PROC line(robtarget a,robtarget b)\n{move('b')}{move('a')}ENDPROC\n", [11, 10, 13, 12]),
+    ("two;\ncut p13;\ntwo;", f"{CUT}PROC two()\ncut p10;\ncut p11;\nENDPROC\n", [10, 11, 13, 10, 11]),
+    ("FOR i FROM 1 TO 2 DO\ncut p10;\ncut p11;\nENDFOR", CUT, [10, 11, 10, 11]),
+    ("IF TRUE cut p13;\nIF FALSE cut p12;\ncut p10;", CUT, [13, 10]),
+])
+def test_each_call_has_its_targets(body: str, routines: str, driven: list[int]) -> None:
+    read = program(body, routines)
+    np.testing.assert_allclose(numbers(read), driven, atol=1e-6)
+    assert not read.toolpath.block.any()
+    assert {finding.code for finding in read.toolpath.findings} >= {"CS2060"}
+
+
+def test_places_beside_a_target_that_is_handed_over_are_known_and_left() -> None:
+    read = program("drill p10;\ndrill p12;", f"PROC drill(robtarget p)\n{move('Offs(p,0,0,50)')}{move('p')}ENDPROC\n")
+    place = 1e3 * read.toolpath.position
+    np.testing.assert_allclose(place[[0, 2]] - place[[1, 3]], [[0, 0, 50], [0, 0, 50]], atol=1e-9)
+    assert all("every call" in why for why in read.toolpath.block)
+    assert [(finding.level, finding.count) for finding in read.toolpath.findings if finding.code == "CS2060"] == [
+        ("note", 4), ("warning", 4)]
+
+
+@pytest.mark.parametrize("routines", [
+    f"PROC cut(robtarget p)\np.trans.z:=5;\n{move('p')}ENDPROC\n",
+    f"PROC cut(VAR robtarget p)\n{move('p')}ENDPROC\n",
+    f"PROC cut(robtarget p)\n{move('p')}{move(target(1))}ENDPROC\n",
+    f"PROC cut(robtarget p)\n{move('p')}PDispOn p10,tool0;\n{move('p')}PDispOff;\nENDPROC\n",
+])
+def test_other_routines_stay_as_they_are(routines: str) -> None:
+    read = program("cut p10;\ncut p11;", routines)
+    assert len(read.toolpath) == routines.count("MoveL")
+    assert any(read.toolpath.block)
+
+
+def test_data_of_the_caller_are_not_taken_for_those_of_the_routine() -> None:
+    read = program(f"CONST robtarget q:={target(3)};\ncut q;\ncut p10;", CUT, f"{DATA}CONST robtarget q:={target(4)};\n")
+    assert len(read.toolpath) == 1
+    assert "parameter" in read.toolpath.block[0]
+
+
+def test_calls_of_another_module_are_not_followed() -> None:
+    """What is corrected would be declared LOCAL, beside a target that stands with the routine."""
+    text = f"MODULE A\nPROC main()\ncut p10;\nENDPROC\nENDMODULE\nMODULE B\n{DATA}{CUT}ENDMODULE\n"
+    read = read_rapid(text.encode(), "two.mod")
+    assert "parameter" in read.toolpath.block[0]
+
+
+def test_what_is_corrected_is_written_into_the_calls_and_nothing_else_changes() -> None:
+    read = program(f"{move('p12')}cut p10;\ncut p11;\ncut p10;\ncut {target(5)};\n{move(target(1))}")
+    places = read.toolpath.position + np.outer(np.arange(1, 7), [1e-4, 0, 0])
+    which = np.array([2, 3, 4, 5])
+    written = rewrite(read, which, places[which], read.toolpath.quaternion[which]).content
+    again = read_rapid(written, "handed.mod")
+    expected = read.toolpath.position.copy()
+    expected[which] = places[which]
+    np.testing.assert_allclose(again.toolpath.position, expected, atol=1e-9)
+    assert CUT.encode() in written
+    assert DATA.encode() in b"".join(line for line in written.splitlines(keepends=True) if b"_c" not in line)
+    assert all(move_text(read, target) is None for target in which)
