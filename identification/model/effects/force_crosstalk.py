@@ -47,7 +47,13 @@ class OneWay(_Crosstalk):
         return crossed_one_way(values)
 
 
+class OneWayOnTheFlange(OneWay):
+    """The same of a sensor that turns with the flange."""
+
+    law, on_flange = "one_way_flange", True
+
+
 class ForceCrosstalk(_Crosstalk):
     """The axes are the base's: cylinders set up along them, a little off square."""
 
-    other_laws = (OnTheFlange(), OneWay())
+    other_laws = (OnTheFlange(), OneWay(), OneWayOnTheFlange())

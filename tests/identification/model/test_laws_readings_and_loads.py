@@ -204,6 +204,18 @@ def test_cross_talk_one_way_is_a_share_of_one_axis_in_another(name: str) -> None
         assert_allclose(got, expected, atol=1e-12 * np.abs(source).max())
 
 
+def test_a_sensor_on_the_flange_talks_across_in_its_own_axes() -> None:
+    """Of y in x alone, then of x in z alone, seen from the flange."""
+    rows = loaded(DRAWN)
+    in_flange = np.einsum("nij,ni->nj", rows.flange, rows.wrench[:, :3])
+    for place, seen, of in ((0, 0, 1), (4, 2, 0)):
+        true = law("force_crosstalk.one_way_flange").true_wrench(rows, None, np.eye(6)[place] * 0.05)
+        assert true is not None
+        expected = np.zeros_like(in_flange)
+        expected[:, seen] = 0.05 * in_flange[:, of]
+        assert_allclose(np.einsum("nij,ni->nj", rows.flange, true[:, :3] - rows.wrench[:, :3]), expected, atol=1e-10)
+
+
 def test_a_drift_that_cycles_is_back_after_a_period() -> None:
     rows = replace(loaded(DRAWN), time=450.0 * np.arange(9), row=np.arange(1, 10), reference=np.zeros(9, dtype=int))
     off = np.array([2e-5, -1e-5, 5e-6])
