@@ -17,6 +17,8 @@ from identification.fit.posterior import Posterior, posterior
 # nothing by so much (ln odds), all parameters and the noise's sizes integrated out; and never less likely than nothing.
 NAMING = 0.005
 CERTAINLY = float(np.log(1000.0))
+# The same where nothing means forces that differ from one set-up to the next, a noise that explains much by chance.
+THAN_SET_UPS = float(np.log(100.0))
 # Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
 POSSIBLE = 0.5
 CHANCE_IN_WORDS = "{:.1%} of data sets without any cause show as much: too many for a name"
@@ -40,9 +42,10 @@ def log_posterior(found: Search, extended: Posterior, entries: int) -> float:
     return log_evidence(extended) + log_prior(len(extended.terms), entries)
 
 
-def doubt_of(detection: Detection, odds: float) -> str:
-    """Why what is named may be nothing, in words, "" where it may not. odds: ln, against nothing."""
-    if detection.p_value > max(NAMING, detection.resolution) and odds < CERTAINLY:
+def doubt_of(detection: Detection, odds: float, least: float = CERTAINLY) -> str:
+    """Why what is named may be nothing, in words, "" where it may not. odds: ln, against nothing; least: what they must be
+    where chance shows as much."""
+    if detection.p_value > max(NAMING, detection.resolution) and odds < least:
         return CHANCE_IN_WORDS.format(detection.p_value)
     return NO_LIKELIER if odds < 0 else ""
 

@@ -31,7 +31,16 @@ from identification.diagnosis.naming import (
     with_plainer_effects,
     without_slight,
 )
-from identification.diagnosis.odds import CERTAINLY, POSSIBLE, certain, doubt_by, doubt_of, log_odds, log_posterior
+from identification.diagnosis.odds import (
+    CERTAINLY,
+    POSSIBLE,
+    THAN_SET_UPS,
+    certain,
+    doubt_by,
+    doubt_of,
+    log_odds,
+    log_posterior,
+)
 from identification.diagnosis.power import showing
 from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.share import share_of
@@ -53,6 +62,8 @@ ALARM = 0.05
 INADEQUATE = 0.005
 # Up to this probability of the detection a cause is looked for all the same, and must be that much likelier than nothing.
 LOOKED_AT = 0.3
+# Nor are forces that differ from one set-up to the next by so many times what is usual taken for noise before that.
+SET_UP_ANEW = 3.0
 # Readings that are so many times off what the noise allows, heavy tails with it, are no noise (misfit.far_off).
 FAR_OFF = 1.3
 FAR_IN_WORDS = ("the readings are off by {:.1f} times what the noise allows, however heavy its tails: those that are far off "
@@ -195,12 +206,12 @@ class Procedure:
                               left_out={name: why for name, why in missing.items() if why})
         if detection.p_value <= self.alarm or judgement.scatter:
             return self.named(judgement)
-        far = far_off(plain)
-        if detection.p_value <= LOOKED_AT or far > FAR_OFF:
+        far, set_up_anew = far_off(plain), plain.components.setup > SET_UP_ANEW
+        if detection.p_value <= LOOKED_AT or far > FAR_OFF or set_up_anew:
             found = self.named(judgement)
-            if found.log_odds is not None and found.log_odds >= CERTAINLY:
+            if found.log_odds is not None and found.log_odds >= least_odds(plain):
                 return found
-            if far > FAR_OFF and found.verdict == "mistake":
+            if (far > FAR_OFF or set_up_anew) and found.verdict == "mistake":
                 return found
             if far > FAR_OFF:
                 return found.as_unknown((FAR_IN_WORDS.format(far), *found.patterns))
@@ -299,7 +310,8 @@ class Procedure:
             return self.unknown(judgement, seen, judgement.detection,
                                 dict.fromkeys((cause.label for cause in causes), SCATTER_IN_WORDS))
         odds = log_odds(judgement, len(seen.dictionary.entries))
-        doubt = doubt_of(judgement.detection, odds)
+        # What touches one pose alone a tail that is heavier than the rows can show explains as well.
+        doubt = doubt_of(judgement.detection, odds, np.inf if only_local(seen, best) else least_odds(judgement.plain))
         if doubt:
             return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in causes})
         measured = gain(self.data, judgement.plain, extended, self.rng)
@@ -358,6 +370,11 @@ class _Found:
     def enough(self) -> bool:
         """Whether they explain the rows."""
         return self.adequacy.p_value > INADEQUATE and not self.scatter
+
+
+def least_odds(plain: Posterior) -> float:
+    """ln of how much likelier a name must be than nothing, where chance shows as much."""
+    return THAN_SET_UPS if plain.components.setup > SET_UP_ANEW else CERTAINLY
 
 
 def nearly_all(plain: Posterior, extended: Posterior) -> bool:

@@ -65,6 +65,27 @@ def test_forces_set_up_anew_at_each_visit_are_no_cause() -> None:
     assert found.judgement.verdict == "adequate"
 
 
+def test_forces_set_up_anew_hide_no_joint_zero(tmp_path: Path) -> None:
+    """Joint 2 stood 2.5 degrees off: forces that differ by 1.6 % from visit to visit explain the readings as well, and were
+    believed before anything else was asked."""
+    cell_file, table = simulate(24, "shop", "visit_force").write(tmp_path)
+    lines = [line.split(",") for line in table.read_text().splitlines()]
+    q2 = lines[0].index("q2_deg")
+    shifted = [[*line[:q2], f"{float(line[q2]) - 2.5:.6f}", *line[q2 + 1:]] for line in lines[1:]]
+    table.write_text("\n".join(",".join(line) for line in (lines[0], *shifted)) + "\n")
+    cell = read_cell(cell_file)
+    found = diagnose(cell, read_measurements(table, cell.robot))
+    assert found.judgement.plain.components.setup > 10
+    assert found.judgement.verdict == "mistake"
+    assert "the zero of joint 2 seems to be off" in "\n".join(found.lines())
+
+
+def test_one_reading_of_heavy_tails_is_no_bumped_sensor() -> None:
+    """Nothing is hidden; one pose's readings stand out by odds of a thousand to one, as one in ten such load tests shows."""
+    weight = drawn(8700013, "few", DICTIONARY)[1]
+    assert not diagnosed(simulate(8700013, "few", "tails", weight=weight)).causes
+
+
 def test_a_force_sensor_that_shears_is_one_cause() -> None:
     """Its six struts yield to forces, too, and it tilts about another point than the flange: that was a second cause, with
     probability 1, that the axes of the force measurement are not alike."""

@@ -351,6 +351,8 @@ def test_a_name_is_rare_by_chance_or_far_likelier_than_nothing(p_value, odds, sa
     doubt = doubt_of(detected(p_value), odds)
     assert says in doubt
     assert bool(doubt) == bool(says)
+    # What touches one pose alone must be rare by chance.
+    assert bool(doubt_of(detected(p_value), odds, np.inf)) == (p_value > 0.005 or odds < 0)
 
 
 @pytest.mark.parametrize(("p_value", "support", "says"), [
