@@ -165,20 +165,29 @@ def a_turn_lost(rows: list[dict[str, str]]) -> None:
         row["dy_um"] = f"{np.sign(moved) * (abs(moved) % 100):.1f}"
 
 
+Slip = Callable[[list[dict[str, str]]], None]
+
+
 @pytest.mark.parametrize(("slip", "said"), [
     (a_reading_skipped, r"its readings a row too high from line \d+ on: put back they would fit"),
     (loads_halved, "its loads twice as large would fit"),
     (a_turn_lost, "dy with the whole turns of 100 um that were not counted would fit")])
-def test_a_slip_in_the_rows_of_a_pose_is_found(
-        slip: Callable[[list[dict[str, str]]], None], said: str, tmp_path: Path) -> None:
+def test_a_slip_in_the_rows_of_a_pose_is_found(slip: Slip, said: str, tmp_path: Path) -> None:
     """A part of a visit that slipped leaves the response of its other rows as it is."""
-    case = simulate(71010, "ladder12", noise=SHEET)
-    found = diagnose(*read(case, tmp_path, in_rows("P4", slip)), replicates=99)
-    bad, = found.judgement.bad_visits
+    bad, = fit_stiffness(*read(simulate(71010, "ladder12", noise=SHEET), tmp_path, in_rows("P4", slip))).bad_visits
     assert bad.score.name == "P4"
     assert bad.score.p_value <= 0.005
     assert re.fullmatch(said, bad.mends[0].what)
     assert bad.mends[0].probability > 0.9
+
+
+# Long: the pose is left out by then, whatever slipped.
+@pytest.mark.parametrize("slip", [
+    pytest.param(a_reading_skipped, marks=pytest.mark.long), loads_halved, pytest.param(a_turn_lost, marks=pytest.mark.long)])
+def test_a_slip_in_the_rows_of_a_pose_is_no_cause(slip: Slip, tmp_path: Path) -> None:
+    found = diagnose(*read(simulate(71010, "ladder12", noise=SHEET), tmp_path, in_rows("P4", slip)), replicates=39)
+    bad, = found.judgement.bad_visits
+    assert bad.score.name == "P4"
     assert found.causes == ()
 
 
