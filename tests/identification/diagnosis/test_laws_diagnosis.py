@@ -293,7 +293,7 @@ def test_next_loads_separate_what_they_say(tmp_path: Path) -> None:
 
 def test_plan_through_the_command_line(tmp_path: Path) -> None:
     """A plan's deflections are empty; so may be the columns of a plan that `design` writes."""
-    cell_path, rows_path = simulate(0, "ladder12").write(tmp_path)
+    cell_path, rows_path = simulate(0, "poses20").write(tmp_path)
     lines = rows_path.read_text().splitlines()
     header = next(line for line in lines if line.startswith("q1_deg")).split(",")
     first = header.index("dx_um")

@@ -12,7 +12,7 @@ from tests.runs.hidden_effects.visible import visible
 from tests.virtual_cell.cell import Hidden
 
 GEARS = (
-    place("backlash", 5, 1, "soft_zone", 5),
+    place("backlash", 5, 1, "soft_zone", 5, long=True),
     place("soft_zone", 4, 0, "backlash", 4, long=True),
     place("hysteresis", 4, 2, "soft_zone", 4),
     place("gear_friction", 5, 3, "backlash", 5),
