@@ -25,7 +25,8 @@ LONGEST = ("runs/mistakes", "second_cell/test_answers", "hidden_effects/test_des
            "command_line/test_mistakes", "fit/test_laws_misfit", "reports/test_contract_browser",
            "forces/test_laws_time_alignment", "runs/milling", "identification/diagnosis", "runs/hidden_effects",
            "compstiff/test_contract_front_door", "identification/design", "identification/fit", "compensator/cutting",
-           "batch/test_contract_cluster", "runs/faults", "command_line/test_laws_growth", "command_line/test_init")
+           "batch/test_contract_cluster", "runs/faults", "command_line/test_laws_growth", "command_line/test_init",
+           "tests/test_fourth_world", "tests/test_site")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -37,6 +37,8 @@ def found() -> list[tuple[Case, Diagnosis]]:
     return [(case, diagnosed(case)) for case in cases]
 
 
+# Long: those below are as clear, and ask for more.
+@pytest.mark.long
 def test_clear_causes_are_named_and_none_wrongly(found: list[tuple[Case, Diagnosis]]) -> None:
     assert all(signal(case) > CLEAR for case, _ in found)
     outcomes = [judge(truth_names([case.hidden[0].truth]), answer(one.as_dict())) for case, one in found]
@@ -244,6 +246,8 @@ def test_parameters_that_trade_with_the_springs_are_carried_together() -> None:
     assert fresh.points[1] > 0.85
 
 
+# Long: each of those that are named here predicts fresh poses by itself.
+@pytest.mark.long
 def test_names_predict_fresh_poses(found: list[tuple[Case, Diagnosis]]) -> None:
     """The extended model is nearer to the true motion than the plain springs, over all cases with a name."""
     fresh = [at_fresh_poses(case, one) for case, one in found if one.judgement.verdict == "named"]
@@ -257,21 +261,24 @@ def test_what_is_stated_of_fresh_poses_holds_there(weight: str) -> None:
     inside, points = [], []
     for seed in range(7720, 7723):
         case = simulate(seed, "cycles", "near", weight=weight)
-        one = at_fresh_poses(case, diagnosed(case))
+        found = diagnosed(case)
+        assert found.verdict != "named"
+        one = at_fresh_poses(case, found)
         inside.append(one.components[0])
         points.append(one.points[0])
     assert np.mean(inside) > 0.88
     assert np.mean(points) > 0.8
 
 
-@pytest.mark.parametrize(("seed", "plan", "stratum"), [(7710, "cycles", "near"), (7711, "five", "worse"),
-                                                       (7712, "single", "tails")])
+# Long: the fresh poses above are asked of three like it.
+@pytest.mark.parametrize(("seed", "plan", "stratum"), [
+    pytest.param(7710, "cycles", "near", marks=pytest.mark.long), (7711, "five", "worse"), (7712, "single", "tails")])
 def test_noise_alone_gets_no_name(seed: int, plan: str, stratum: str) -> None:
     assert diagnosed(simulate(seed, plan, stratum, weight="unknown")).judgement.verdict != "named"
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("digit_um", [0.0, 1e-3, 0.1])
+@pytest.mark.parametrize("digit_um", [0.0, pytest.param(1e-3, marks=pytest.mark.long), 0.1])     # long: between the two
 def test_readings_of_a_computer_are_adequate(digit_um: float, tmp_path: Path) -> None:
     """A newcomer tries the program on numbers without noise: they had been `unknown`, for a sensor that remembers its last
     reading."""

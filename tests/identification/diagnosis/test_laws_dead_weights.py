@@ -7,14 +7,18 @@ import json
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from identification.diagnosis.detect import goodness_of_fit
 from identification.diagnosis.diagnose import Diagnosis, diagnose
-from identification.diagnosis.swing import _visit, _Visits, swing_of
+from identification.diagnosis.procedure import Procedure
+from identification.diagnosis.swing import _visit, _Visits, allowed_for, swing_of
 from identification.fit.load_test import LoadTest
-from identification.fit.posterior import posterior
+from identification.fit.posterior import Posterior, posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from identification.model.compliance import compliance_matrix
@@ -109,13 +113,38 @@ def test_a_swing_is_named_and_is_no_displacement() -> None:
     json.dumps(content)
 
 
-@pytest.mark.parametrize("seed", [40, 41, 42, 43])
+# Long: two more of the same draw.
+@pytest.mark.parametrize("seed", [40, 41, *(pytest.param(seed, marks=pytest.mark.long) for seed in (42, 43))])
 def test_nothing_is_named_where_nothing_is_hidden(seed: int) -> None:
     _, found = diagnosed(seed)
     assert found.verdict != "named"
     assert found.judgement.swing is None
 
 
+@pytest.fixture(scope="module")
+def play() -> Posterior:
+    """Springs fitted to play of the tool, sideways, which is outside the dictionary."""
+    return posterior(LoadTest.of(*read(simulate(7025, "hung12", [Hidden("tool_play", None, 2.0)]))))
+
+
+def test_play_of_the_tool_shows_as_a_swing_that_leaves_much(play: Posterior) -> None:
+    """It repeats from row to row, and what the swing's sigmas leave is not explained."""
+    swing = swing_of(play)
+    assert swing is not None
+    left = posterior(allowed_for(play.data, swing, play))
+    assert goodness_of_fit(left, effects(), np.random.default_rng(0), 99).p_value <= 0.02
+
+
+@pytest.mark.parametrize("then", ["unknown", "mistake"])
+def test_a_swing_that_leaves_much_is_none(play: Posterior, then: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The judgement without it stands."""
+    judged: Any = SimpleNamespace(verdict="unknown", plain=play, extended=play)
+    monkeypatch.setattr(Procedure, "of_good_rows", lambda procedure: SimpleNamespace(verdict=then))
+    assert Procedure(play.data, effects(), 0.05, 99, 0).allowing_for_swing(judged) is judged
+
+
+# Long: the two above are its steps; here all causes are searched for twice.
+@pytest.mark.long
 def test_play_of_the_tool_is_no_swing() -> None:
     """Outside the dictionary, and sideways; it repeats from row to row, and what the swing's sigmas leave is not explained."""
     _, found = diagnosed(7025, Hidden("tool_play", None, 2.0))

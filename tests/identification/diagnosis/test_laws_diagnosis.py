@@ -293,7 +293,7 @@ def test_next_loads_separate_what_they_say(tmp_path: Path) -> None:
 
 def test_plan_through_the_command_line(tmp_path: Path) -> None:
     """A plan's deflections are empty; so may be the columns of a plan that `design` writes."""
-    cell_path, rows_path = simulate(0, "ladder12").write(tmp_path)
+    cell_path, rows_path = simulate(0, "poses20").write(tmp_path)
     lines = rows_path.read_text().splitlines()
     header = next(line for line in lines if line.startswith("q1_deg")).split(",")
     first = header.index("dx_um")
@@ -323,19 +323,21 @@ def test_the_robot_s_own_weight_is_no_cause(tmp_path: Path) -> None:
     assert diagnose(cell, read_measurements(rows_path, cell.robot)).verdict != "named"
 
 
-def test_what_is_not_named_is_not_carried_on(tmp_path: Path) -> None:
+# Long: of an ambiguous diagnosis tests/runs/hidden_effects/test_structure.py asks the same.
+@pytest.mark.parametrize(("hidden", "design", "verdict"), [
+    pytest.param(Hidden("bearing_tilt", 5, 1.23), "ladder12", "ambiguous", marks=pytest.mark.long),
+    (Hidden("deflection_sensor_rotation", None, 2.0), "poses20", "named")])
+def test_what_is_not_named_is_not_carried_on(hidden: Hidden, design: str, verdict: str, tmp_path: Path) -> None:
     """The extended model of an ambiguous diagnosis is the plain one; of effects of the measurement, the springs are."""
-    for hidden, verdict in (([Hidden("bearing_tilt", 5, 1.23)], "ambiguous"),
-                            ([Hidden("deflection_sensor_rotation", None, 2.0)], "named")):
-        cell_path, rows_path = simulate(126, "ladder12", hidden).write(tmp_path)
-        done = compstiff("diagnose", cell_path, rows_path, "-o", tmp_path / "d.json", "--extended", tmp_path / "s.json",
-                         "--force")
-        assert done.returncode == 0, done.stderr
-        assert json.loads((tmp_path / "d.json").read_text())["verdict"] == verdict
-        model = json.loads((tmp_path / "s.json").read_text())
-        assert model["effects"] == []
-        assert len(model["parameters"]) == len(model["log_compliance"]["mean"]) == 6
-        assert "no effect of the robot is named" in done.stderr
+    cell_path, rows_path = simulate(126, design, [hidden]).write(tmp_path)
+    done = compstiff("diagnose", cell_path, rows_path, "-o", tmp_path / "d.json", "--extended", tmp_path / "s.json", "--force",
+                     "--replicates", "39")
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "d.json").read_text())["verdict"] == verdict
+    model = json.loads((tmp_path / "s.json").read_text())
+    assert model["effects"] == []
+    assert len(model["parameters"]) == len(model["log_compliance"]["mean"]) == 6
+    assert "no effect of the robot is named" in done.stderr
 
 
 def detected(p_value):

@@ -33,7 +33,8 @@ def misses(ranks: np.ndarray) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("noise", ["white", "stated"])
+# Long: a sensor's noise alone, which the other case has too.
+@pytest.mark.parametrize("noise", [pytest.param("white", marks=pytest.mark.long), "stated"])
 def test_the_truth_lies_in_its_posterior_as_often_as_that_says(tmp_path: Path, noise: str) -> None:
     """True stiffnesses from the prior; sensor noise alone, or Student-4 with 1 % force error and 5 um re-seating."""
     calibration.write_cells(tmp_path)

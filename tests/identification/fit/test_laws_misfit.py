@@ -123,20 +123,28 @@ def set_up_by_hand(rows: Measurements, error: float, seed: int) -> Measurements:
 
 @pytest.mark.parametrize(("error", "adequate"), [(0.015, True), (0.06, False)])
 def test_a_rig_that_is_set_up_by_hand_rejects_no_springs(error: float, adequate: bool, tmp_path: Path) -> None:
-    """A level and a square leave about a degree: told (CS1041), where `unknown` had been the answer of eight in eight; five
-    times as much is no set-up."""
+    """A level and a square leave about a degree: told (CS1041); five times as much is no set-up."""
     cell, rows = read(simulate(2_430_006, "ladder12"), tmp_path)
-    rows = set_up_by_hand(rows, error, 4)
-    fit, judged = fit_stiffness(cell, rows), diagnose(cell, rows, replicates=49)
+    fit = fit_stiffness(cell, set_up_by_hand(rows, error, 4))
     assert 0.5 * error < fit.posterior.components.setup_relative < 2 * error
     assert fit.model.rejected is not adequate
+    assert not adequate or any(one.code == "CS1041" and "stretched and turned" in one.message for one in fit.findings)
+
+
+# Long: that the fit rejects such springs is seen above, and takes no search for their cause.
+@pytest.mark.parametrize(("error", "adequate"), [(0.015, True), pytest.param(0.06, False, marks=pytest.mark.long)])
+def test_a_rig_that_is_set_up_by_hand_has_no_cause(error: float, adequate: bool, tmp_path: Path) -> None:
+    """`unknown` had been the answer of eight in eight."""
+    cell, rows = read(simulate(2_430_006, "ladder12"), tmp_path)
+    judged = diagnose(cell, set_up_by_hand(rows, error, 4), replicates=49)
     assert (judged.verdict == "adequate") is adequate
-    if adequate:
-        for findings in (fit.findings, judged.findings):
-            assert any(one.code == "CS1041" and "stretched and turned" in one.message for one in findings)
+    assert not adequate or any(one.code == "CS1041" and "stretched and turned" in one.message for one in judged.findings)
 
 
-@pytest.mark.parametrize("hidden", [second_cell.Hidden("backlash", 1, 1.5), second_cell.Hidden("base_rocking", 0, 1.5)])
+# Long: springs cannot rock a base, as they cannot make play.
+@pytest.mark.parametrize("hidden", [
+    second_cell.Hidden("backlash", 1, 1.5),
+    pytest.param(second_cell.Hidden("base_rocking", 0, 1.5), marks=pytest.mark.long)])
 def test_what_springs_cannot_do_rejects_a_hanging_arm(hidden: second_cell.Hidden, tmp_path: Path) -> None:
     assert fitted(second_cell.simulate(175065, "cycles", hidden=[hidden], weight="unknown"), tmp_path).model.rejected
 

@@ -296,8 +296,10 @@ def test_one_file_of_readings_given_twice_is_said(tmp_path: Path) -> None:
         assert ("CS6034" in kit.codes(result)) is same_file
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
-@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake.name)
+# Long: the same mistake on the other robot.
+@pytest.mark.parametrize(("mistake", "robot"), [
+    pytest.param(mistake, robot, id=f"{mistake.name}-{robot}", marks=[pytest.mark.long] * (robot != ROBOTS[number % 2]))
+    for number, mistake in enumerate(MISTAKES) for robot in ROBOTS])
 def test_no_mistake_is_silent(tmp_path: Path, mistake: Mistake, robot: str) -> None:
     shop: Workshop = workshop(robot)
     result = shop.run(tmp_path, {mistake.file: mistake.change(shop.files.get(mistake.file, ""))}, *mistake.words)

@@ -12,7 +12,7 @@ from tests.runs.hidden_effects.visible import visible
 from tests.virtual_cell.cell import Hidden
 
 GEARS = (
-    place("backlash", 5, 1, "soft_zone", 5),
+    place("backlash", 5, 1, "soft_zone", 5, long=True),
     place("soft_zone", 4, 0, "backlash", 4, long=True),
     place("hysteresis", 4, 2, "soft_zone", 4),
     place("gear_friction", 5, 3, "backlash", 5),
@@ -28,7 +28,7 @@ STRUCTURE = (
     place("base_shift", None, 1, "base_rocking", long=True),
     place("force_sensor_compliance", None, 2, "bearing_tilt", 5, long=True),
     place("spindle_compliance", None, 3, "tool_point", long=True),
-    place("tool_point", None, 1, "link_bending", 3),
+    place("tool_point", None, 1, "link_bending", 3, long=True),
     place("creep", None, 1, "drift", long=True),
 )
 MEASUREMENT = (
@@ -117,3 +117,6 @@ def check_ambiguous(seed: int, hidden: Hidden, twin: Hidden, straight_tool: bool
     assert label(twin.effect, twin.joint) in seen.others
     assert found.outcome == "ambiguous in", found.answer
     assert label(twin.effect, twin.joint) in found.answer.alternatives
+    # The model that goes on is the plain one.
+    assert found.extended["effects"] == []
+    assert len(found.extended["parameters"]) == len(found.extended["log_compliance"]["mean"]) == 6

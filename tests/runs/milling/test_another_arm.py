@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -22,9 +20,9 @@ SEEDS = {name: 400 + number for number, name in enumerate(PLACES)}
 LONG = ("irb6660-205-1.90", "irb6700-200-2.60")
 
 
-@pytest.fixture(params=[pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in PLACES])
-def job(request: pytest.FixtureRequest, tmp_path: Path) -> AnotherArmJob:
-    return AnotherArmJob(tmp_path, SEEDS[request.param], arm=request.param, motion=1.0)
+@pytest.fixture(scope="module", params=[pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in PLACES])
+def job(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> AnotherArmJob:
+    return AnotherArmJob(tmp_path_factory.mktemp("arm"), SEEDS[request.param], arm=request.param, motion=1.0)
 
 
 def test_a_corrected_part_is_better(job: AnotherArmJob) -> None:
