@@ -23,7 +23,8 @@ RIGHT: dict[str, tuple[str, ...]] = {
     "bearing_tilts": ("bearing_tilt@",), "adapter_tilts": ("force_sensor_compliance", "bearing_tilt[6]"),
     "shank_bends": ("spindle_compliance",), "clamp_plays": ("tool_play",), "force_turned": ("force_misalignment",),
     "load_cell_zero": ("hook_weight",), "pulley_rubs": ("load_friction",), "hook_off": ("tool_point",),
-    "wrong_weight": ("force_curve",), "weight_swings": ("swinging_weight",), "bracket_turned": ("deflection_sensor_rotation",),
+    "wrong_weight": ("hook_weight", "force_curve"), "weight_swings": ("swinging_weight",),
+    "bracket_turned": ("deflection_sensor_rotation",),
     "gauge_gain": ("deflection_sensor_gain",), "gauge_sticks": ("gauge_friction",), "round_target": ("target_curvature",),
     "reflector_off": ("reading_point",), "stand_drifts": ("drift",), "gauge_kicked": ("sensor_step!",),
     "read_too_early": ("creep",), "angle_mistyped": ("bad_visit!",), "mastering_off": ("encoder_zero@", "joint_zero@"),
@@ -31,7 +32,7 @@ RIGHT: dict[str, tuple[str, ...]] = {
 # Beside another joint's, or another gear law of the right joint: names that lead to the right place, or tell a part of it.
 HALF: dict[str, tuple[str, ...]] = {
     "load_cell_zero": ("force_offset", "force_curve"), "hook_off": ("hook_offset",), "creep": ("creep",),
-    "wrong_weight": ("hook_weight", "force_offset"), "friction_loop": ("lost_motion",), "gears_warm_up": ("gear_softening",),
+    "wrong_weight": ("force_offset",), "friction_loop": ("lost_motion",), "gears_warm_up": ("gear_softening",),
     "gauge_kicked": ("bad_visit!",),
     "adapter_tilts": ("spindle_compliance",), "shank_bends": ("force_sensor_compliance", "bearing_tilt[6]"),
     "base_rocking": ("bearing_tilt[1]", "base_shift"), "base_shift": ("base_rocking", "stand_compliance"),
