@@ -30,6 +30,8 @@ MOST_CHECKS, MOST_OVERLOOKED = 4, 6
 FORMAT = "compstiff-diagnosis"
 # Odds of more powers of ten than this are only said to be over that.
 CERTAIN = 12
+# Of many names that cannot be told apart so many are printed.
+MOST_TOLD = 8
 
 
 def record(judgement: Judgement) -> dict[str, Any]:
@@ -214,9 +216,10 @@ def _verdict(judgement: Judgement) -> list[str]:
         return [*left_out, f"unknown: something is wrong{beside} that no cause in the dictionary explains",
                 *(f"  seen: {pattern}" for pattern in judgement.patterns[:4]),
                 *(f"  withdrawn: {cause_words(label)} ({label}): {why}" for label, why in judgement.withdrawn.items())]
+    told, more = judgement.alternatives[:MOST_TOLD], judgement.alternatives[MOST_TOLD:]
     lines = ["ambiguous: these data cannot tell apart:",
-             *(f"  {cause.sentence} ({cause.label}, probability {cause.probability:.2f})"
-               for cause in judgement.alternatives[:8]),
+             *(f"  {cause.sentence} ({cause.label}, probability {cause.probability:.2f})" for cause in told),
+             *([f"  and {len(more)} more, each with a probability of {more[0].probability:.2g} at most"] if more else []),
              *(f"  {mistake.sentence} ({mistake.key}, a mistake in the {mistake.candidate.mistake.of})"
                for mistake in judgement.mistakes), *left_out]
     if judgement.robot_difference is not None:
@@ -310,8 +313,9 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         findings += [mistake_finding(mistake, source, "warning") for mistake in judgement.mistakes]
     if judgement.verdict == "ambiguous":
         labels = [*(cause.label for cause in judgement.alternatives[:6]), *(mistake.key for mistake in judgement.mistakes)]
+        more = len(judgement.alternatives[6:])
         findings.append(Finding("CS1402", "warning", "the data cannot tell several causes apart: "
-                                f"{', '.join(map(cause_words, labels))}", file=source,
+                                f"{', '.join(map(cause_words, labels))}{f', and {more} more' if more else ''}", file=source,
                                 hint="compstiff design --add 3 MEASUREMENTS --diagnosis DIAGNOSIS plans loads that tell them "
                                      "apart; compstiff explain NAME tells a check without a load"))
     if judgement.verdict in ("adequate", "named"):

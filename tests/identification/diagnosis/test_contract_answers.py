@@ -13,8 +13,9 @@ import pytest
 from identification.common.findings import error
 from identification.diagnosis import attempt as attempts
 from identification.diagnosis.diagnose import Diagnosis, diagnose
-from identification.diagnosis.judgement import Judgement
+from identification.diagnosis.judgement import Cause, Judgement
 from identification.diagnosis.naming import of_nothing
+from identification.diagnosis.pages import diagnosis_report
 from identification.diagnosis.share import MOST_ROWS, share_of
 from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
@@ -69,6 +70,20 @@ def test_a_contradiction_never_leaves_the_program(tmp_path: Path) -> None:
         back = answer.as_unknown(("far off",))
         assert (back.verdict, back.extended, back.causes, back.patterns) == ("unknown", found.plain, (), ("far off",))
         assert [cause.label for cause in back.alternatives][:1] == [found.causes[0].label]
+
+
+def test_a_long_set_of_names_says_how_long_it_is(tmp_path: Path) -> None:
+    """Of eleven eight are printed, six are in the warning and three in the report's first sentence."""
+    cell, rows = read(simulate(41, "poses20", [Hidden("base_rocking", None, 2.0)]), tmp_path)
+    found = diagnose(cell, rows, replicates=39).judgement
+    names = tuple(Cause(effects()["bearing_tilt" if joint < 6 else "backlash"], 1 + joint % 6, 0.3 / (1 + joint))
+                  for joint in range(11))
+    long = Diagnosis(cell, rows, Judgement("ambiguous", found.plain, found.plain, found.detection, alternatives=names))
+    assert "  and 3 more, each with a probability of 0.033 at most" in long.lines()
+    assert [one.message.endswith(", and 5 more") for one in long.findings if one.code == "CS1402"] == [True]
+    assert "; or one of 8 more, less likely." in diagnosis_report(long)
+    short = Diagnosis(cell, rows, Judgement("ambiguous", found.plain, found.plain, found.detection, alternatives=names[:3]))
+    assert not [line for line in short.lines() if " more" in line]
 
 
 def test_a_fit_that_does_not_converge_is_a_candidate_less(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
