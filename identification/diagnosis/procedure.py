@@ -284,9 +284,10 @@ class Procedure:
         extended model that are none."""
         extended, names = judgement.extended, inclusion(seen)
         labels = {term.label for term in extended.terms} - slight
-        named = {k for k in best.key if seen.dictionary.entries[k].label not in slight}
+        # Of what the model can do without, or what is none, it matters not which it was.
+        named = {k for k in best.key if seen.dictionary.entries[k].label in labels}
         together = sum(hypothesis.probability for hypothesis in seen.hypotheses
-                       if hypothesis.key == best.key or (slight and named < hypothesis.key))
+                       if hypothesis.key == best.key or (len(named) < len(best.key) and named <= hypothesis.key))
         causes = tuple(cause for cause in names if cause.label in labels)
         difference = None
         if not certain(together, causes):
