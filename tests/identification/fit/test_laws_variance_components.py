@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from identification.fit.gram import NoiseGram
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import NoiseModel, VarianceComponents
+from identification.fit.noise import NoiseModel, SetUp, VarianceComponents
 from identification.fit.posterior import _FittedModel, posterior
 from identification.fit.variance_components import _slopes, integrated_out, likeliest
 from identification.measurements import Measurements, read_measurements
@@ -27,8 +27,9 @@ FULL = CELL + "force_relative_std: 0.01, force_std_n: [0, 0, 0], pose_offset_std
 BARE = CELL[:-2] + "}\n"
 
 
-@pytest.mark.parametrize(("remembers", "turns"), [(False, True), (True, True), (False, False)])
-def test_the_gram_is_that_of_dense_matrices(remembers, turns) -> None:
+@pytest.mark.parametrize(("remembers", "set_up"), [
+    (False, SetUp.TURNED), (True, SetUp.TURNED), (False, SetUp.STRETCHED), (False, SetUp.SIZED)])
+def test_the_gram_is_that_of_dense_matrices(remembers, set_up) -> None:
     """Eighteen rows on three visits, the longest of eleven, components missing, an axis without re-seating, row weights, three
     components at once; the same for `Weights`, and noise that is drawn has that covariance."""
     rng = np.random.default_rng(0)
@@ -44,9 +45,10 @@ def test_the_gram_is_that_of_dense_matrices(remembers, turns) -> None:
     design, residual = seen(rng.standard_normal((18, 3, 4))), np.where(measured, rng.standard_normal((18, 3)), 0.0)
     weight = rng.uniform(0.2, 1.3, 18)
     model = NoiseModel(rotation, force, absolute, setups, measured, visit, offset, (True,) * 6, (*[True] * 5, remembers),
-                       turns)
-    # Column 3 k + m is an error along k of the component m of the force: without turns, k alone acts on k.
-    setups = setups if turns else setups[:, :, [0, 4, 8]]
+                       set_up)
+    # Column 3 k + m is an error along k of the component m of the force: without turns, k alone acts on k; in size, all alike.
+    stretched = setups[:, :, [0, 4, 8]]
+    setups = {SetUp.TURNED: setups, SetUp.STRETCHED: stretched, SetUp.SIZED: np.sum(stretched, axis=2)[:, :, None]}[set_up]
     logs = rng.normal(0, 0.6, (3, 6)) + np.array([0, 0, 0, 0, 0, 2])
     gram, log_determinant = NoiseGram(model, weight, design, residual)(logs)
     columns = np.concatenate([design, residual[:, :, None]], axis=2)

@@ -328,10 +328,11 @@ def test_the_zero_is_said_to_move_where_chance_does_so_in_one_of_twenty(
         assert f"{4 * ratio:.2g} um, {ratio:.1f} times the 4 um" in told[0].message
 
 
-def test_more_than_a_third_of_the_poses_are_no_single_mistakes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("seed", [71033, 71037])
+def test_more_than_a_third_of_the_poses_are_no_single_mistakes(seed: int, tmp_path: Path) -> None:
     """Five of twelve, each off by 8 to 25 degrees: none is left out, and it is said that they are too many."""
     case = simulate(71032, "ladder12", noise=SHEET)
-    rng = np.random.default_rng(71032)
+    rng = np.random.default_rng(seed)
     wrong = rng.choice(list(dict.fromkeys(case.pose)), 5, replace=False)
     off = rng.choice([-1, 1], 5) * rng.uniform(8, 25, 5)
 
