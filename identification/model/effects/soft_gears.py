@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import replace
 
 import numpy as np
@@ -24,9 +25,9 @@ class _SoftGears(Effect):
     sentence = "every gear is softer under small torques than under large ones"
     settles = "torque ladders through zero with small steps, joint after joint"
 
+    @abstractmethod
     def further_twist(self, wound: Array, values: Array) -> Array:
         """t (n, 6) [rad] of the gears that their springs let wind up by so much (n, 6) [rad]."""
-        raise NotImplementedError
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         before, under_load = (torque * rows.compliance for torque in (rows.gravity, rows.gravity + rows.torque))
