@@ -89,7 +89,8 @@ class Measurements:
                 "theta", "wrench", "deflection", "sigma", "time", "dwell", "visit", "reference", "row", "line")}
         labels: dict[str, Any] = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in (
             "validate", "machined_pass", "pose")}
-        hung = None if self.hung is None or other.hung is None else np.concatenate([self.hung, other.hung])
+        each = [np.zeros(len(rows), dtype=bool) if rows.hung is None else rows.hung for rows in (self, other)]
+        hung = None if self.hung is None and other.hung is None else np.concatenate(each)
         return Measurements(source=self.source, findings=self.findings, began=self.began, hung=hung, **arrays, **labels)
 
 

@@ -145,6 +145,12 @@ def test_masses_and_forces_in_one_file(tmp_path) -> None:
     path.write_text(f"{HEADER},mass_kg\n{ROW},\n{ROW.replace('0,100,0', ',,')},20\n")
     rows = read_measurements(path, read_cell(write_cell(tmp_path)))
     assert_allclose(rows.wrench[:, :3], [[0, 100, 0], [0, 0, -196.133]])
+    path.write_text(f"{HEADER}\n{ROW}\n")
+    forces = read_measurements(path, read_cell(write_cell(tmp_path)))
+    assert forces.hung is None
+    both = rows.followed_by(forces).hung, forces.followed_by(rows).hung
+    assert [each is not None and each.tolist() for each in both] == [[False, True, False], [False, False, True]]
+    assert forces.followed_by(forces).hung is None
 
 
 @pytest.mark.parametrize(("lines", "code", "line", "words"), [
