@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.tails import chi2_surprise
 from identification.diagnosis.dictionary import WIDEST, Dictionary, dictionary_of
 from identification.diagnosis.patterns import Pattern, patterns_of
 from identification.diagnosis.projection import Base, information_blocks, room
@@ -30,8 +31,6 @@ REPLICATES = 199
 # times as many do.
 OPEN = (0.005, 0.09)
 MORE = 5
-# ln probabilities below this are all the same to a bootstrap of a few hundred.
-SMALLEST = -700.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +117,6 @@ def surprise(
 
 def entry_surprise(base: Base, dictionary: Dictionary, weighted: Array, step: Array, variance: Array) -> Array:
     """-log10 of each entry's own probability (entries, B): chi-squared of its best signature, times how many it has."""
-    from scipy.special import chdtrc
-
     flat = dictionary.columns.reshape(len(weighted), -1)
     b = np.moveaxis(dictionary.by_signature((flat.T @ weighted - base.cross(dictionary.columns).T @ step).T), 0, 2)
     inverse = np.linalg.inv(information_blocks(base, dictionary) + 1e-9 * np.eye(WIDEST))
@@ -133,10 +130,8 @@ def entry_surprise(base: Base, dictionary: Dictionary, weighted: Array, step: Ar
         for degrees, half in {(int(dictionary.widths[s]), bool(positive[s])) for s in members}:
             # Of signatures alike the largest ratio is the least probable: one tail, which costs more than all before it.
             alike = members[(dictionary.widths[members] == degrees) & (positive[members] == half)]
-            # chi2.logsf works out the median of every element first, which takes longer than the tail.
-            with np.errstate(divide="ignore"):
-                log_tail = np.log(chdtrc(degrees, ratio[alike].max(axis=0)))
-            result[k] = np.maximum(result[k], -np.maximum(log_tail + log_shares[alike[0]], SMALLEST) / np.log(10))
+            surprise = chi2_surprise(ratio[alike].max(axis=0), degrees)
+            result[k] = np.maximum(result[k], surprise - log_shares[alike[0]] / np.log(10))
     return result
 
 

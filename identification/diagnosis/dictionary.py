@@ -47,6 +47,15 @@ class Dictionary:
         return np.concatenate([np.full(len(entry.signatures), k) for k, entry in enumerate(self.entries)]).astype(np.intp)
 
     @cached_property
+    def log_share(self) -> Array:
+        """ln of how likely each signature (S,) is of its entry's, beforehand: each law alike, and each of a law's alike."""
+        share = np.empty(len(self.signatures))
+        for entry in self.entries:
+            laws = [self.signatures[s].effect.stored for s in entry.signatures]
+            share[entry.signatures] = [-np.log(laws.count(law) * len(set(laws))) for law in laws]
+        return share
+
+    @cached_property
     def starts(self) -> NDArray[np.intp]:
         """Where the columns of each signature begin (S,)."""
         return np.asarray(np.cumsum(self.widths) - self.widths)

@@ -10,6 +10,7 @@ from itertools import product
 import numpy as np
 
 from identification.common.arrays import Array
+from identification.common.tails import chi2_above, chi2_tail
 from identification.diagnosis.attempt import attempt
 from identification.diagnosis.gain import gain
 from identification.diagnosis.judgement import Cause
@@ -298,10 +299,8 @@ def _needed(extended: Posterior, label: str) -> bool:
 def beyond_nothing(off: Array, covariance: Array) -> bool:
     """Whether parameters (p,), counted from where they do nothing, are more than two standard deviations off, one by one or
     together."""
-    from scipy.stats import chi2, norm
-
     alone = np.all(np.abs(off) < NOTHING * np.sqrt(np.diag(covariance)))
-    together = off @ np.linalg.solve(covariance, off) < chi2.isf(2 * norm.sf(NOTHING), len(off))
+    together = off @ np.linalg.solve(covariance, off) < chi2_above(float(chi2_tail(NOTHING**2, 1)), len(off))
     return not (alone and together)
 
 

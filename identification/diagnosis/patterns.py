@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.tails import chi2_surprise
 from identification.diagnosis.projection import Base
 from identification.fit.noise import NoiseModel
 from identification.model.load_state import LoadState
@@ -40,8 +41,6 @@ class Pattern:
 
     def surprise(self, base: Base, left: Array, variance: Array) -> Array:
         """-log10 of its probability (B,), from `W (r - D step)` (3n, B); the first is the data, the others replicates."""
-        from scipy.stats import chi2
-
         weighted = base.weights.apply(self.columns)
         own = _sums(self.noise, np.sum(self.columns * weighted, axis=1), self.by_visit)
         cross = self._products(base.weighted_design)
@@ -54,7 +53,7 @@ class Pattern:
         mean, spread = float(total[1:].mean()), float(total[1:].var())
         # Satterthwaite: total ~ a chi2(d)
         scale = spread / (2 * mean)
-        return np.asarray(np.maximum(-chi2.logsf(total / scale, mean / scale) / np.log(10), 0.0))
+        return chi2_surprise(total / scale, mean / scale)
 
     def _products(self, right: Array) -> Array:
         """columns^T right (visits, m, q), or (1, m, q), of right (n, 3, q)."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from identification.common.findings import Finding
 from identification.common.quantities import cause_words, readable_unit
+from identification.common.tails import normal_above
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.power import NEVER, POWER, in_the_middle, noticed_from, weakest
 from identification.diagnosis.projection import PRIOR_SIZES, Base
@@ -122,15 +123,13 @@ def judge_plan(cell: Cell, planned: Measurements) -> PlanOutlook:
     >>> len(outlook.as_dict()["effects"]) > 40
     True
     """
-    from scipy.stats import norm
-
     data, log_compliance = _planned(cell, planned), -np.log(cell.prior.stiffness)
     base, dictionary, noise = _linearised(data, log_compliance, effects())
     known = FittedNoise(noise, VarianceComponents(), planned_covariance(data, log_compliance, noise, base.design),
                         np.ones(len(data.rows)))
     shown = noticed_from(base, dictionary, dictionary.entries, known, -float(np.log10(ALARM / len(dictionary.entries))))
     gram, slices = _gram(base, dictionary)
-    needed = float(norm.isf(ALARM / 2 / len(dictionary.entries))) + float(norm.ppf(POWER))
+    needed = normal_above(ALARM / 2 / len(dictionary.entries)) + normal_above(1 - POWER)
     outlooks = tuple(_outlook(dictionary, k, each.size, gram, slices, needed) for k, each in enumerate(shown))
     return PlanOutlook(outlooks, dictionary.left_out, planned.findings)
 

@@ -230,8 +230,9 @@ class Procedure:
         usual = plain.with_usual_noise
         found = self.explaining(usual)
         seen, best, extended, adequacy, scatter = found.named.seen, found.best, found.fitted, found.adequacy, found.scatter
-        # A name that leaves the test as it was has explained nothing.
-        enough = max(INADEQUATE, min(judgement.detection.p_value, self.alarm))
+        # A name that leaves the alarm as it was has explained nothing.
+        alarmed = judgement.detection.p_value <= self.alarm
+        enough = max(INADEQUATE, judgement.detection.p_value) if alarmed else INADEQUATE
         to_the_noise = adequacy.p_value > enough and not scatter
         slight: frozenset[str] = frozenset()
         if best is not None and (to_the_noise or nearly_all(plain, extended)):

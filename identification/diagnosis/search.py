@@ -239,7 +239,7 @@ class _Scan:
             members = np.arange(entry.signatures.start, entry.signatures.stop)
             if not visible[members].any():
                 continue
-            value, best = _entry_evidence(evidence[members], members)
+            value, best = _entry_evidence(evidence[members], dictionary.log_share[members], members)
             grown.append(Hypothesis((*hypothesis.entries, k), (*hypothesis.signatures, best),
                                     hypothesis.log_evidence + value))
         return grown
@@ -316,18 +316,16 @@ class _Scan:
         """Shares out the evidence (S,) that these laws have together by what they have where more is free; grams (S, 6, 6):
         with its weights."""
         dictionary = self.dictionary
-        counts = [len(dictionary.entries[k].signatures) for k in laws]
         signatures = [s for k in laws for s in dictionary.entries[k].signatures]
-        share = np.concatenate([np.full(count, -np.log(count)) for count in counts])
+        share = dictionary.log_share[signatures]
         decided = scores(doubted, dictionary.part(laws), grams[signatures]).evidence
         together = np.logaddexp.reduce(evidence[signatures] + share)
         evidence[signatures] = decided + together - np.logaddexp.reduce(decided + share)
 
 
-def _entry_evidence(values: Array, members: NDArray[np.intp]) -> tuple[float, int]:
-    """ln of the mean Bayes factor of an entry's signatures, and the best of them."""
-    top = float(values.max())
-    return top + float(np.log(np.mean(np.exp(values - top)))), int(members[np.argmax(values)])
+def _entry_evidence(values: Array, log_share: Array, members: NDArray[np.intp]) -> tuple[float, int]:
+    """ln of the mean Bayes factor of an entry's signatures, each by its share, and the best of them."""
+    return float(np.logaddexp.reduce(values + log_share)), int(members[np.argmax(values)])
 
 
 def log_prior(terms: int, entries: int) -> float:

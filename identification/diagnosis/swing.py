@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
+from identification.common.tails import chi2_tail
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import Posterior
 from identification.model.compliance import compliance_matrix
@@ -122,9 +123,7 @@ class _Sizes:
     @property
     def by_chance(self) -> float:
         """Probability of so large a likelihood ratio where nothing swings."""
-        from scipy.stats import chi2
-
-        return 0.5 * float(chi2.sf(2 * max(self.without[1] - self.best[1], 0.0), 1))
+        return 0.5 * float(chi2_tail(2 * max(self.without[1] - self.best[1], 0.0), 1))
 
     def without_loudest(self) -> _Sizes:
         """Without the visit that speaks most for a swing."""

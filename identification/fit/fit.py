@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import read_only, rms
 from identification.common.findings import CompstiffError, Finding, error
+from identification.common.tails import chi2_tail
 from identification.fit.fitted_model import predicted_deflection
 from identification.fit.identifiability import (
     LOOK_FOR_IT,
@@ -255,8 +256,6 @@ def _rejected(source: str, check: ModelCheck) -> list[Finding]:
 
 def _against_prior(fitted: Posterior, grades: tuple[JointGrade, ...]) -> list[Finding]:
     """A conflict (CS1017) of data and prior: the stiffnesses that the data tell, against what was expected of them."""
-    from scipy.stats import chi2
-
     seen = np.sqrt(np.diag(fitted.covariance)) <= RELIABLE_LOG_STD
     seen &= np.array([grade.grade != "not identifiable" for grade in grades])
     if not seen.any():
@@ -264,7 +263,7 @@ def _against_prior(fitted: Posterior, grades: tuple[JointGrade, ...]) -> list[Fi
     source, prior = fitted.data.rows.source, fitted.prior
     expected = -np.log(prior.prior.stiffness)
     off = ((fitted.mean - expected) / prior.log_std)[seen]
-    p_value = float(chi2.sf(np.sum(off**2), int(seen.sum())))
+    p_value = float(chi2_tail(np.sum(off**2), int(seen.sum())))
     if p_value > PRIOR_CONFLICT:
         return []
     factor = np.exp(-(fitted.mean - expected)[seen])

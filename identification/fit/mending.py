@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.tails import chi2_tail
 from identification.fit.fitted_model import response
 from identification.fit.noise import noise_model
 from identification.fit.own_response import LoadColumns, OwnResponse, own_response
@@ -85,8 +86,6 @@ def _copied(rows: Measurements, score: VisitScore) -> str:
 def mends(rest: Posterior, rows: Measurements, score: VisitScore, scale: float, bad: frozenset[str]) -> tuple[Mend, ...]:
     """The likeliest slips that explain a visit which `rest`, the fit of the other visits, does not; rows: with all visits;
     scale: of the test's z; bad: names of all bad visits. None where none does."""
-    from scipy.stats import chi2
-
     mine = np.isin(rows.row, score.rows)
     visit = _Visit(rest, rows.select(mine), scale)
     slips = [slip for slip in slips_of(rows, mine, bad, visit.expected) if _new(rest, rows.theta[mine][0], slip)]
@@ -99,7 +98,7 @@ def mends(rest: Posterior, rows: Measurements, score: VisitScore, scale: float, 
     probability = np.exp(every - every.max())
     probability /= probability.sum()
     told = [k for k in np.argsort(-probability[:-1])[:MOST]
-            if probability[k] >= WORTH_KEEPING and chi2.sf(fits[k], visit.directions) >= FITS]
+            if probability[k] >= WORTH_KEEPING and chi2_tail(fits[k], visit.directions) >= FITS]
     return tuple(Mend(slips[k].kind, slips[k].what, float(probability[k])) for k in told)
 
 

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.tails import f_tail
 from identification.fit.noise import (
     ABSOLUTE,
     FORCE,
@@ -113,8 +114,6 @@ def _kinds(state: LoadState) -> Iterator[tuple[str, Array]]:
 
 def _p_value(degrees: NoiseDegrees, columns: Array) -> float:
     """Of one kind of columns (n, 3, m) [m] beside the design; 1 where too few readings are left to tell."""
-    from scipy.stats import f
-
     fitted, design, precision = degrees.fitted, degrees.design, degrees.precision
     at, weights = fitted.at_map, fitted.weights
     scale = np.sqrt(np.mean(columns**2, axis=(0, 1)))
@@ -134,11 +133,11 @@ def _p_value(degrees: NoiseDegrees, columns: Array) -> float:
     explained = float(np.sum((vectors[:, kept].T @ score) ** 2 / eigenvalues[kept]))
     total = float(weights.inner(residual, residual)[0, 0] - of_residual @ step)
     variance = max(total - explained, 1e-12) / left
-    p_value = float(f.sf(explained / rank / variance, rank, left))
+    p_value = float(f_tail(explained / rank / variance, rank, left))
     if p_value >= WORTH_DEGREES:
         return p_value
     known = degrees.along(columns, eigenvalues[kept], vectors[:, kept])
-    return float(f.sf(explained / rank / variance, rank, min(left, known)))
+    return float(f_tail(explained / rank / variance, rank, min(left, known)))
 
 
 def needed(part: str, multiple: float) -> str:

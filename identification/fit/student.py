@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.tails import chi2_tail, f_tail
 from identification.fit.noise import NoiseModel, VarianceComponents, Weights
 
 Array = NDArray[np.float64]
@@ -63,12 +64,10 @@ def probability_beyond(squared: float, components: int, distance: Array, count: 
     """That a row of so many components is as far off as this squared distance, or farther, where others are at `distance` (n,),
     of `count` components: over all degrees of freedom that these leave open, beforehand each doubling of heaviness as much less
     likely as OPEN says."""
-    from scipy.stats import chi2, f
-
     value, scale = _tried(distance, count)
     value = value - OPEN * DOUBLINGS
     weight = np.exp(value - value.max())
-    beyond = [chi2.sf(squared / s, components) if np.isinf(degrees) else f.sf(squared / s / components, components, degrees)
+    beyond = [chi2_tail(squared / s, components) if np.isinf(degrees) else f_tail(squared / s / components, components, degrees)
               for degrees, s in zip(DEGREES, scale, strict=True)]
     return float(weight @ beyond / weight.sum())
 

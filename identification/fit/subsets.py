@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.tails import chi2_tail, f_tail
 from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
 from identification.fit.posterior import Posterior
 from identification.measurements import Measurements
@@ -86,8 +87,6 @@ def partitions(rows: Measurements) -> list[tuple[str, str, NDArray[np.bool_]]]:
 
 def subset_conflicts(posterior: Posterior) -> tuple[Conflict, ...]:
     """All comparisons that are possible, the clearest conflict first."""
-    from scipy.stats import chi2, f
-
     rows, at, weights = posterior.data.rows, posterior.at_map, posterior.weights
     loaded = np.any(rows.wrench != 0, axis=1)
     common, precision = beside_the_springs(posterior)
@@ -111,10 +110,10 @@ def subset_conflicts(posterior: Posterior) -> tuple[Conflict, ...]:
             continue
         along = vectors[:, kept].T @ score
         squared, directions = float(np.sum(along**2 / eigenvalues[kept])), int(kept.sum())
-        p_value = float(chi2.sf(squared, directions))
+        p_value = float(chi2_tail(squared, directions))
         if p_value < WORTH_DEGREES:
             known = degrees.along(design, eigenvalues[kept], vectors[:, kept])
-            p_value = float(f.sf(squared / directions, directions, known))
+            p_value = float(f_tail(squared / directions, directions, known))
         difference = -vectors[:, kept] @ (along / eigenvalues[kept])
         raw.append(Conflict(part, rest, counts, float(np.sqrt(squared)), directions, p_value, p_value, difference))
     conflicts = [replace(conflict, corrected=min(1.0, conflict.p_value * len(raw))) for conflict in raw]

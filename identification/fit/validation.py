@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import read_only, rms
+from identification.common.tails import f_median, f_tail
 from identification.fit.fitted_model import response
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
@@ -100,8 +101,6 @@ def _visits(fitted: Posterior, data: LoadTest, seed: int) -> tuple[BadVisit, ...
 
 def _rows(fitted: Posterior, kept: LoadTest, residual: Array) -> tuple[OutlyingRow, ...]:
     """Single rows that are off by more than their prediction's uncertainty allows, the worst first."""
-    from scipy.stats import f
-
     noise = noise_model(kept, fitted.compliance)
     precision = noise.of_rows_alone(fitted.components)
     design = noise.whitening @ response(kept, fitted.map, fitted.terms)[1]
@@ -113,7 +112,7 @@ def _rows(fitted: Posterior, kept: LoadTest, residual: Array) -> tuple[OutlyingR
     squared = np.einsum("ni,ni->n", off, np.linalg.solve(allowed, off[:, :, None])[:, :, 0])
     count = np.maximum(measured.sum(axis=1), 1)
     degrees = tails(fitted.components.degrees, len(fitted.data.rows))
-    scale = max(1.0, float(np.median(squared / (count * f.median(count, degrees))))) if len(squared) >= COMPANY else 1.0
-    p_values = len(squared) * f.sf(squared / (scale * count), count, degrees)
+    scale = max(1.0, float(np.median(squared / (count * f_median(count, degrees))))) if len(squared) >= COMPANY else 1.0
+    p_values = len(squared) * f_tail(squared / (scale * count), count, degrees)
     return tuple(OutlyingRow(int(kept.rows.row[k]), int(kept.rows.line[k]), residual[k], float(np.sqrt(squared[k] / scale)))
                  for k in np.argsort(p_values, kind="stable") if p_values[k] <= ROW_ALARM)

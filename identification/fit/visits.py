@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import CompstiffError
+from identification.common.tails import chi2_above, chi2_surprise
 from identification.fit.discrepancy import discrepancies
 from identification.fit.fitted_model import WIDE, response
 from identification.fit.load_test import LoadTest
@@ -48,7 +49,6 @@ SCREENING, REPLICATES, BATCH = 199, 399, 20
 MANY_ROWS = 6000
 # Tails that replicates have at least: rows do not tell tails well, few of them not at all.
 TAILS, FEW_ROWS, TAILS_OF_FEW = 20.0, 100, 6.0
-LARGEST_SURPRISE = 300.0
 # A visit of a few readings whose others fit without one of them, to this probability, has one bad reading.
 FEW_READINGS, UNSUSPICIOUS = 6, 0.05
 # A zero that is off by so many of its standard deviations has moved.
@@ -312,12 +312,10 @@ def _directions(columns: Array, precision: Array) -> int:
 
 def _judged(found: list[VisitScore], squares: Array, counts: NDArray[np.int_], replicates: int) -> VisitTest:
     """The test from z (V, 1 + replicates), the data's first, of as many directions (V,)."""
-    from scipy.stats import chi2
-
     if not found:
         return VisitTest((), 1.0, 1.0)
-    scale = np.maximum(np.median(squares / np.asarray(chi2.median(counts))[:, None], axis=0), 1.0)
-    surprise = np.minimum(-chi2.logsf(squares / scale, counts[:, None]) / np.log(10), LARGEST_SURPRISE)
+    scale = np.maximum(np.median(squares / chi2_above(0.5, counts)[:, None], axis=0), 1.0)
+    surprise = chi2_surprise(squares / scale, counts[:, None])
     largest = np.sort(surprise[:, 1:].max(axis=0))
     if replicates:
         p_values = (1 + replicates - np.searchsorted(largest, surprise[:, 0])) / (replicates + 1)

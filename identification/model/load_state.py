@@ -151,8 +151,10 @@ class LoadState:
     @cached_property
     def hung_on_flange(self) -> Array:
         """Torques at the springs (n, 6) of a weight on the axis of the flange, 1 N m while that is level and across a joint's
-        own axis."""
-        return self._hung(self.flange[:, None, :, 2])
+        own axis; on the last joint, whose axis that is, on the way to the TCP, 1 N m as far out as the TCP is."""
+        axis, beside = self.flange[:, :, 2], self.tcp - self.origins[:, 5]
+        out = beside / np.maximum(np.linalg.norm(beside, axis=1, keepdims=True), 1e-9)
+        return self._hung(np.stack([*[axis] * 5, out], axis=1))
 
     @cached_property
     def hung_on_forearm(self) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.fit.noise import VarianceComponents
+from identification.fit.noise import USUAL_SETUP, VarianceComponents
 from identification.fit.posterior import Posterior
 from identification.fit.student import log_tails
 from identification.fit.variance_components import ComponentPosterior
@@ -27,10 +27,14 @@ def log_evidence(fitted: Posterior) -> float:
 
 
 def ordinary(fitted: Posterior) -> VarianceComponents:
-    """The fit's noise, no part of it larger than ordinary; the sensor's only where it is stated."""
-    components = fitted.components.at_most(ORDINARY)
+    """The fit's noise, no part of it larger than ordinary; the sensor's only where it is stated. A set-up of the forces is
+    ordinary up to the relative error that is stated of them: nobody states whether that is a row's or a visit's."""
+    components, noise = fitted.components.at_most(ORDINARY), fitted.data.cell.noise
     if fitted.at_map.noise.stated[0]:
         components = replace(components, sensor=min(components.sensor, ORDINARY))
+    if noise.force_relative_stated:
+        of_visits = max(ORDINARY, noise.force_relative / USUAL_SETUP)
+        components = replace(components, setup=min(fitted.components.setup, of_visits))
     return components
 
 

@@ -54,7 +54,7 @@ class ToolOffset(Size):
     that are off, all of one that was taught badly, one of a tool of another length or a number mistyped."""
 
     name = "tcp"
-    smallest = 0.005
+    smallest = 0.002
     units = "mm"
     sentence = "the TCP lies elsewhere"
     settles = "teach the TCP again (four-point method) and compare it with tool.position_mm"
@@ -96,7 +96,7 @@ class JointZero(Size):
     """A joint counts from another zero: the robot stood at q + delta [rad]."""
 
     name = "joint_zero"
-    smallest = float(np.radians(0.5))
+    smallest = float(np.radians(0.1))
     units = "deg"
     joints = (1, 2, 3, 4, 5, 6)
     parameters = (Parameter("delta", "rad", 0.03, -0.35, 0.35,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
-from identification.model.effects.base import Parameter, saturated
+from identification.model.effects.base import Parameter, held_over, saturated
 from identification.model.effects.documents import NABTESCO
 from identification.model.effects.kinds import SOFTER_NEAR_ZERO, GearTwist, UnderTheArm, UnderTheTool, of_arm, of_tool
 from identification.model.joint_log import JointLog
@@ -96,11 +96,8 @@ class HeldPlay(Play):
     @staticmethod
     def _held(rows: LoadState, i: int, held: float) -> Array:
         """Where the teeth are (n,), -1 to 1."""
-        side = np.trunc(_sign(rows.gravity[:, i] + rows.torque[:, i]))
-        number = np.arange(len(side))
-        first = np.maximum.accumulate(np.where(rows.starts, number, 0))
-        last = np.maximum.accumulate(np.where((side != 0) | rows.starts, number, 0))
-        return np.where(side != 0, side, held * side[np.maximum(last, first)])
+        side = _sign(rows.gravity[:, i] + rows.torque[:, i])
+        return np.where(np.trunc(side) != 0, np.trunc(side), held * held_over(side, rows.starts))
 
 
 class WristPlay(UnderTheTool, Play):

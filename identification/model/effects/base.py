@@ -227,3 +227,12 @@ def _placed(fixed: Array, linear: list[int]) -> Callable[[Array], Array]:
 def saturated(x: Array) -> Array:
     """x between -1 and 1."""
     return np.clip(x, -1.0, 1.0)
+
+
+def held_over(side: Array, starts: NDArray[np.bool_]) -> Array:
+    """Sides (n,), -1 to 1, of what friction holds while it is pressed to no end: there the last one that the visit pressed it
+    to, 0 before any; starts (n,): first rows of visits."""
+    pressed, number = np.trunc(side), np.arange(len(side))
+    first = np.maximum.accumulate(np.where(starts, number, 0))
+    last = np.maximum.accumulate(np.where((pressed != 0) | starts, number, 0))
+    return np.asarray(pressed[np.maximum(last, first)])

@@ -14,6 +14,10 @@ COMPLIANCE = Parameter("compliance_rad_per_nm", "rad/(N*m)", 5e-8, 0.0, 2e-6,
                        source="engineering judgement: 2e7 N m/rad, ten times joint 1 (the paper, Table 1)",
                        bounds_source="engineering judgement: rigid, to 5e5 N m/rad, a quarter of joint 1: a pedestal that is "
                                      "loose")
+# Of a tilt to one side, from base x.
+AXIS = Parameter("axis_rad", "rad", 0.8, -3.1416, 3.1416, grid=tuple((np.arange(8) * np.pi / 4 - 0.75 * np.pi).round(4)),
+                 shape=True, source="engineering judgement: no side is more likely than another",
+                 bounds_source="engineering judgement: any direction, a full turn")
 # Where the centre of the feet under a platform is tried [m], along base x, y and z.
 CENTRES = ((-0.3, 0.3), (-0.3, 0.3), (-0.8, 0.0))
 
@@ -73,18 +77,49 @@ class Lifting(_Rocking):
 
     law = "lifting"
     formula_source = "engineering judgement: a foot that lifts off where an anchor is loose, and is pressed down rigidly"
-    parameters = (
-        COMPLIANCE,
-        Parameter("axis_rad", "rad", 0.8, -3.1416, 3.1416, grid=tuple((np.arange(8) * np.pi / 4 - 0.75 * np.pi).round(4)),
-                  shape=True, source="engineering judgement: no side is more likely than another",
-                  bounds_source="engineering judgement: any direction, a full turn"),
-    )
+    parameters = (COMPLIANCE, AXIS)
     sentence = "the robot rocks on its base to one side: an anchor is loose there, and lifts"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         compliance, angle = values
         base, axis = np.zeros((len(rows), 3)), np.array([np.cos(angle), np.sin(angle), 0.0])
         return rows.turned(base, compliance * np.maximum(rows.moment_about(base) @ axis, 0.0)[:, None] * axis)
+
+
+class Opens(_Rocking):
+    """The same once the moment passes what an anchor's preload or the weight on the foot holds, m, the arm's weight with it: a
+    load tilts it by c (max(0, (M + w).a - m) - max(0, w.a - m)), w the moment of a weight at the wrist's centre that weighs
+    on the base as the arm does."""
+
+    law = "opens"
+    formula_source = "engineering judgement: a foot that is held by a preload, and lifts in proportion to what passes it"
+    parameters = (
+        COMPLIANCE, AXIS,
+        Parameter("holds_nm", "N*m", 1000.0, -50000.0, 50000.0, grid=(0.0, 0.3), shape=True,
+                  source="engineering judgement: it shows where it is a part of the largest moment in the rows",
+                  bounds_source="engineering judgement: to what no load test reaches, on either side"),
+        Parameter("weight_n", "N", 2000.0, 0.0, 20000.0, grid=(0.0, 1.0, 3.0), shape=True,
+                  source="engineering judgement: a third of an arm's 600 kg, which is nearer to the base than the wrist",
+                  bounds_source="engineering judgement: none, to an arm of six tonnes"))
+    sentence = "the robot rocks on its base to one side: an anchor is loose there, and lifts once a moment passes what holds it"
+
+    def grid(self, rows: LoadState, joint: int | None, parameter: Parameter) -> tuple[float, ...]:
+        if parameter.name == "axis_rad":
+            return parameter.grid
+        level = rows.moment_about(np.zeros((len(rows), 3)))[:, :2]
+        largest = float(np.linalg.norm(level, axis=1).max(initial=1.0))
+        lever = float(np.linalg.norm(rows.origins[:, 4, :2], axis=1).max(initial=0.1)) if parameter.name == "weight_n" else 1.0
+        return tuple(share * largest / lever for share in parameter.grid)
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        compliance, angle, holds, weight = values
+        x, y, _ = rows.origins[:, 4].T
+        at_rest = weight * (x * np.sin(angle) - y * np.cos(angle)) - holds
+        axis = np.array([np.cos(angle), np.sin(angle), 0.0])
+        base = np.zeros((len(rows), 3))
+        loaded = at_rest + rows.moment_about(base) @ axis
+        opened = np.maximum(loaded, 0.0) - np.maximum(at_rest, 0.0)
+        return rows.turned(base, compliance * opened[:, None] * axis)
 
 
 class Platform(_Rocking):
@@ -118,5 +153,5 @@ class Platform(_Rocking):
 class BaseRocking(_Rocking):
     """c_x = c_y: a foot that gives way alike to all sides."""
 
-    other_laws = (AboutEach(), Column(), Lifting(), Platform())
+    other_laws = (AboutEach(), Column(), Lifting(), Opens(), Platform())
     parameters = (COMPLIANCE,)

@@ -140,16 +140,19 @@ class UnderUnknownWeight(GearTwist):
         return np.asarray(values[-1] * self.hanging(rows)[:, i])
 
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        if np.abs(self.hanging(rows)[:, self.index(joint)]).max(initial=0.0) < NO_LEVER:
+            return []
         return [replace(shape, weight=float(shape.values(np.zeros(len(shape.scale)))[-1]))
                 for shape in super().signatures(rows, joint)]
 
 
 class UnderTheTool(UnderUnknownWeight):
-    """A gear of the wrist: the weight hangs on the axis of the flange."""
+    """A gear of the wrist: the weight hangs on the axis of the flange; that on the last gear on the way to the TCP."""
 
     law = "wrist"
-    joints: tuple[int, ...] = (4, 5)
-    formula_source = "engineering judgement: the first law, under the torque of a weight on the axis of the flange"
+    joints: tuple[int, ...] = (4, 5, 6)
+    formula_source = ("engineering judgement: the first law, under the torque of a weight on the axis of the flange; on gear 6 "
+                      "of one on the way to the TCP")
 
     def hanging(self, rows: LoadState) -> Array:
         return rows.hung_on_flange
@@ -164,6 +167,10 @@ class UnderTheArm(UnderUnknownWeight):
 
     def hanging(self, rows: LoadState) -> Array:
         return rows.hung_on_forearm
+
+
+# A weight that turns an axis by less than this share of its own torque leaves it as it is.
+NO_LEVER = 0.05
 
 
 def of_tool(every: int = 1) -> Parameter:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.common.arrays import Array
-from identification.model.effects.base import Effect, Parameter
+from identification.model.effects.base import Effect, Parameter, held_over
 from identification.model.load_state import LoadState
 
 # A force [N] and a moment [N m] from which on what has play has gone over (engineering judgement: they overcome its friction).
@@ -46,16 +46,47 @@ class Hinge(_Play):
 
     law = "hinge"
     parameters = (*Tilting.parameters, Parameter(
-        "axis_rad", "rad", 0.8, -1.6, 3.2, grid=tuple((np.arange(4) * np.pi / 4).round(4)), shape=True,
+        "axis_rad", "rad", 0.8, -1.6, 3.2, grid=tuple((np.arange(8) * np.pi / 8).round(4)), shape=True,
         source="engineering judgement: no direction is more likely than another",
         bounds_source="engineering judgement: any direction, half a turn"))
     sentence = "the tool tips to and fro about one axis across the flange, by the play of its changer or its mount"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        half_gap, angle = values
-        axis, pivot = rows.flange @ np.array([np.cos(angle), np.sin(angle), 0.0]), rows.origins[:, 5]
-        moment = np.sum(axis * rows.moment_about(pivot), axis=1, keepdims=True)
-        return rows.turned(pivot, half_gap * _towards(moment, GOES_OVER_NM) * axis)
+        return self._turned(rows, values, self._side(rows, values[1]))
+
+    @staticmethod
+    def _axis(rows: LoadState, angle: float) -> Array:
+        """The axis of the play (n, 3), base frame."""
+        return np.asarray(rows.flange @ np.array([np.cos(angle), np.sin(angle), 0.0]))
+
+    def _side(self, rows: LoadState, angle: float) -> Array:
+        """To which end the load presses the tool (n, 1), -1 to 1, less where its moment is too small to go over."""
+        moment = rows.moment_about(rows.origins[:, 5])
+        return _towards(np.sum(self._axis(rows, angle) * moment, axis=1, keepdims=True), GOES_OVER_NM)
+
+    def _turned(self, rows: LoadState, values: Array, side: Array) -> Array:
+        """What the tool does (n, 6) at sides (n, 1) of a play (half_gap, angle)."""
+        return rows.turned(rows.origins[:, 5], values[0] * side * self._axis(rows, values[1]))
+
+
+class HeldHinge(Hinge):
+    """The same, held by friction: where the moment is too small to go over, the tool stays at the end to which it was last
+    pressed in the visit."""
+
+    law = "held"
+    by_visit = True
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        return self._turned(rows, values, self._held(rows, values[1]))
+
+    def of_each_visit(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        """At which end the way to the pose left the tool: it shows against the unloaded reading that is taken first as soon as
+        a load has pressed it anywhere."""
+        return -self._turned(rows, values, np.abs(self._held(rows, values[1])))[:, :, None]
+
+    def _held(self, rows: LoadState, angle: float) -> Array:
+        """At which end of its play the tool is (n, 1), -1 to 1; 0 before the visit's first load."""
+        return held_over(self._side(rows, angle)[:, 0], rows.starts)[:, None]
 
 
 class Opens(_Play):
@@ -90,7 +121,7 @@ class Opens(_Play):
 class ToolPlay(_Play):
     """Half the play, in the direction of the force across tool z: a worn spindle bearing, a holder that does not sit."""
 
-    other_laws = (Tilting(), Hinge(), Opens())
+    other_laws = (Tilting(), Hinge(), HeldHinge(), Opens())
     parameters = (Parameter("half_gap_m", "m", 1e-5, 0.0, 5e-4,
                             source="engineering judgement: a worn spindle bearing has 5 to 20 um",
                             bounds_source="engineering judgement: none, to what is felt by hand"),)

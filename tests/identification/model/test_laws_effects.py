@@ -167,17 +167,20 @@ def test_what_hangs_on_flange_and_forearm_turns_the_joints_by_virtual_work(name:
         return load_state(model, tool, angles, nothing, 1 / model.prior.stiffness, at_load=True)
 
     def fallen(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far down (6,) a point a metre out on the flange's axis stands, and one on the forearm."""
+        """How far down (6,) a point a metre out on the flange's axis stands, one on the forearm, one a metre out to the TCP."""
         rows = state(angles)
         elbow, wrist = rows.origins[:, 2], rows.origins[:, 4]
         lower_arm = np.linalg.norm(rows.origins[:, 2] - rows.origins[:, 1], axis=1)
-        return -(wrist + rows.flange[:, :, 2])[:, 2], -(elbow + 0.4 * (wrist - elbow))[:, 2] / lower_arm
+        flange = wrist + model.d[5] * rows.flange[:, :, 2]
+        out = (rows.tcp - flange) / np.linalg.norm(tool.position)
+        return (-(wrist + rows.flange[:, :, 2])[:, 2], -(elbow + 0.4 * (wrist - elbow))[:, 2] / lower_arm,
+                -(flange + out)[:, 2])
 
     rows, step = state(theta), 1e-6 * np.eye(6)
-    for joint in range(1, 5):
+    for joint in range(1, 6):
         ahead, behind = (fallen(loaded_angles(model, theta, twist)) for twist in (step[joint][None], -step[joint][None]))
         work = [(first - last) / 2e-6 for first, last in zip(ahead, behind, strict=True)]
         if joint < 3:
             np.testing.assert_allclose(rows.hung_on_forearm[:, joint], work[1], atol=1e-8)
         else:
-            np.testing.assert_allclose(rows.hung_on_flange[:, joint], work[0], atol=1e-8)
+            np.testing.assert_allclose(rows.hung_on_flange[:, joint], work[2 * (joint == 5)], atol=1e-8)

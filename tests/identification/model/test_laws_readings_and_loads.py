@@ -292,6 +292,21 @@ def test_a_changer_on_two_pins_tips_about_them_alone() -> None:
     assert_allclose(moved[:, :3], np.cross(turned, rows.flange @ TOOL.position), atol=1e-15)
 
 
+def test_a_spindle_held_by_its_clamp_stays_where_it_was_pressed_last() -> None:
+    """Over by a moment that overcomes the friction, and there until another one brings it back; nothing before the first. What
+    the way to the pose left shows as soon as it was pressed anywhere, whichever side that was."""
+    rows = replace(loaded(np.zeros((10, 6)), poses=2), at_load=True)
+    about = np.array([np.cos(0.6), np.sin(0.6), 0.0])
+    moment = np.array([0, 3, 60, 4, 0, 0, -60, -3, 0, 8])
+    wrench = np.concatenate([np.zeros((10, 3)), moment[:, None] * (rows.flange @ about)], axis=1)
+    rows = replace(load_state(rows.robot, TOOL, rows.theta, wrench, COMPLIANCE, at_load=True), visit=rows.visit)
+    held, values = law("tool_play.held"), np.array([2e-4, 0.6])
+    turned = 2e-4 * np.array([0, 0, 1, 1, 1, 0, -1, -1, -1, 1])[:, None] * (rows.flange @ about)
+    assert_allclose(held.contribution(rows, None, values)[:, 3:], turned, atol=1e-15)
+    otherwise = held.of_each_visit(rows, None, values)[:, 3:, 0]
+    assert_allclose(otherwise, -2e-4 * np.array([0, 0, 1, 1, 1, 0, 1, 1, 1, 1])[:, None] * (rows.flange @ about), atol=1e-15)
+
+
 def test_a_clamp_opens_where_the_moment_passes_what_holds_it() -> None:
     """Shut below, and beyond it tilts as the moment turns it; a moment about the flange's own axis does nothing."""
     rows = replace(loaded(np.zeros((5, 6)), poses=1), at_load=True)

@@ -75,6 +75,26 @@ def test_a_foot_that_lifts_turns_about_the_line_of_the_anchors_that_hold(angle: 
     assert_allclose(moved, np.concatenate([np.cross(turn, rows.tcp), turn], axis=1), atol=1e-12 * np.abs(moved).max())
 
 
+def test_a_loose_foot_lifts_once_load_and_weight_together_pass_what_holds_it() -> None:
+    """In small steps of the load, each of which tilts it where it is open: so where the weight alone holds it open all the way,
+    it tilts as a soft base does, and where weight or anchor hold it down, from the load on that lifts it."""
+    rows, opens = drawn(24, moments=True), known("base_rocking.opens")
+    assert opens is not None
+    compliance, angle, holds, weight, steps = 6e-8, 2.4, 150.0, 260.0, 4000
+    line = np.array([np.cos(angle), np.sin(angle), 0.0])
+    load = (np.cross(rows.tcp, rows.wrench[:, :3]) + rows.wrench[:, 3:]) @ line
+    arm = np.cross(rows.origins[:, 4], [0.0, 0.0, -weight]) @ line
+    share = (np.arange(steps) + 0.5) / steps
+    open_for = np.mean(arm[:, None] + share * load[:, None] > holds, axis=1)
+    assert (open_for == 0).any()
+    assert (open_for == 1).any()
+    assert ((open_for > 0.1) & (open_for < 0.9)).any()
+    turn = compliance * (load * open_for)[:, None] * line
+    moved = opens.contribution(rows, None, np.array([compliance, angle, holds, weight]))
+    expected = np.concatenate([np.cross(turn, rows.tcp), turn], axis=1)
+    assert_allclose(moved, expected, atol=2e-3 * np.abs(expected).max())
+
+
 def test_a_twisted_arm_turns_all_beyond_it_about_the_line_from_shoulder_to_elbow() -> None:
     rows, effect = drawn(moments=True), known("link_bending.twist")
     assert effect is not None
