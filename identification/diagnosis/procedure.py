@@ -111,13 +111,15 @@ def judge(
 
 @dataclass(frozen=True, eq=False)
 class Procedure:
-    """The procedure on rows taken as they are, validate rows among them; the rest as the arguments of `judge`."""
+    """The procedure on rows taken as they are, validate rows among them; the rest as the arguments of `judge`. sound: a look at
+    these rows and a few more found a cause and no mistake."""
 
     data: LoadTest
     catalogue: dict[str, Effect]
     alarm: float
     replicates: int
     seed: int
+    sound: bool = False
 
     @cached_property
     def rng(self) -> np.random.Generator:
@@ -166,7 +168,7 @@ class Procedure:
         assert test.rest is not None
         bad, rows = with_mends(test, test.rest, judgement.rows), self.data.rows
         out = np.isin(rows.row, np.concatenate([score.rows for score in test.bad]))
-        rest = replace(self, data=self.data.with_rows(rows.select(~out)))
+        rest = replace(self, data=self.data.with_rows(rows.select(~out)), sound=sound(judgement))
         again = rest.without_bad_rows(rest.judged())
         if again.verdict == "unknown" and judgement.verdict == "named":
             return self.without_bad_rows(judgement)
@@ -189,7 +191,7 @@ class Procedure:
             return judgement
         rows = self.data.rows
         good = self.data.with_rows(rows.select(~np.isin(rows.row, [row.row for row in bad])))
-        again = replace(self, data=good).judged()
+        again = replace(self, data=good, sound=sound(judgement)).judged()
         if again.verdict == "adequate":
             measured = gain(good, again.plain, again.extended, np.random.default_rng(self.seed))
             return replace(again, verdict="named", gain=measured, bad_rows=bad)
@@ -221,7 +223,7 @@ class Procedure:
     def named(self, judgement: Judgement) -> Judgement:
         """The judgement of a plain model that does not explain the rows: a mistake in the files, or a physical cause."""
         plain = judgement.plain
-        mistakes = mistakes_in(plain)
+        mistakes = Mistakes() if self.sound else mistakes_in(plain)
         # Springs that are off by a unit mean nothing beside a gross mistake of another kind.
         clear = mistakes.sure or beyond_the_fit(plain)
         if clear is not None:
@@ -237,8 +239,9 @@ class Procedure:
         slight: frozenset[str] = frozenset()
         if best is not None and (to_the_noise or nearly_all(plain, extended)):
             extended, slight = without_slight(self.data, extended, len(seen.dictionary.entries), self.rng)
-        physics = (log_posterior(mistakes.found, extended, len(seen.dictionary.entries))
-                   if mistakes.possible or mistakes.slight else 0.0)
+        physics = 0.0
+        if mistakes.found is not None and (mistakes.possible or mistakes.slight):
+            physics = log_posterior(mistakes.found, extended, len(seen.dictionary.entries))
         if mistakes.clearly(physics):
             return replace(judgement, verdict="mistake", mistakes=mistakes.possible)
         nearly = nearly_all(plain, extended)
@@ -372,6 +375,11 @@ class _Found:
     def enough(self) -> bool:
         """Whether they explain the rows."""
         return self.adequacy.p_value > INADEQUATE and not self.scatter
+
+
+def sound(judgement: Judgement) -> bool:
+    """Whether it names causes, and no mistake beside them."""
+    return judgement.verdict == "named" and not judgement.mistakes
 
 
 def least_odds(plain: Posterior) -> float:

@@ -95,11 +95,11 @@ class NamedMistake:
 class Mistakes:
     """What the search for mistakes came to. sure: the one that is named whatever physics says; possible: those that may be it,
     the likeliest first, where physics is no likelier; slight: those that are not likely enough to be named, where there is none
-    that is. found: the search itself."""
+    that is. found: the search itself, None where none was made."""
 
-    found: Search
-    possible: tuple[NamedMistake, ...]
-    sure: NamedMistake | None
+    found: Search | None = None
+    possible: tuple[NamedMistake, ...] = ()
+    sure: NamedMistake | None = None
     slight: tuple[NamedMistake, ...] = ()
 
     def against(self, physics: float, named: bool) -> tuple[NamedMistake, ...]:
