@@ -20,7 +20,7 @@ SIGNS = "hold two rows with opposite loads against the sheet that was written at
 # First readings without a load that are so many times their noise from zero, over all poses, are none that was taken off.
 UNLIKE_SEATING = 10.0
 # Readings of one gauge in so many visits that are all its largest, to so many times its noise, are the end of its travel.
-FEW_VISITS, AT_THE_END = 3, 3.0
+FEW_VISITS, AT_THE_END = 3, 6.0
 # Of a gauge's readings that many at most are at its end.
 SOME_STOPPED = 0.5
 # What the large hand of a dial gauge counts in one turn [m] (engineering judgement: a hundred divisions of 1, 5 or 10 um, or

@@ -174,6 +174,20 @@ def test_gauges_at_their_end_read_nothing(tmp_path: Path) -> None:
     assert np.isnan(mended).sum() <= stopped.sum() + 3
 
 
+def test_readings_at_the_end_of_travel_scatter_as_all_do(data: LoadTest) -> None:
+    """All that end there are left out, those of the other side of their scatter too, and hardly another one."""
+    rows, sigma = data.rows, data.cell.noise.deflection[2]
+    end = np.sort(np.abs(rows.deflection[:, 2]))[-25]
+    stopped = np.abs(rows.deflection[:, 2]) > end
+    read = np.clip(rows.deflection[:, 2], -end, end) + np.random.default_rng(8).normal(0, sigma, len(rows))
+    spoiled = data.with_rows(replace(rows, deflection=np.column_stack([rows.deflection[:, :2], read])))
+    (mistake,) = [each for each in reading_mistakes(spoiled) if each.key == "readings_clipped"]
+    left_out = np.isnan(mistake.mended(spoiled).rows.deflection)
+    assert left_out[stopped, 2].all()
+    assert np.abs(rows.deflection[left_out[:, 2], 2]).min() > end - 9 * sigma
+    assert not left_out[:, :2].any()
+
+
 def test_a_zero_of_one_reference_is_not_taken_off(tmp_path: Path) -> None:
     """What the tool is off by at a pose, from a reference taken elsewhere, is no gauge's stand."""
     spoiled, _ = MISTAKES["readings raw"](right(31), np.random.default_rng(8))
