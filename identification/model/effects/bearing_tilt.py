@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identification.common.arrays import Array
@@ -13,6 +15,11 @@ COMPLIANCE = Parameter(
     "compliance_rad_per_nm", "rad/(N*m)", 9.1e-8, 0.0, 2e-6,
     source="engineering judgement: 1.1e7 N m/rad, two to five times joints 1 to 3 about their own axes (the paper, Table 1)",
     bounds_source="engineering judgement: rigid, to 5e5 N m/rad, softer than joints 1 to 3 about their own axes")
+
+SHARE = Parameter("share", "1", 0.5, 0.1, 0.85, grid=(0.25, 0.5, 0.75), shape=True,
+                  source="engineering judgement: the bearing of a column is somewhere in it",
+                  bounds_source="engineering judgement: nearer to the frame it is the first law; on the floor it is "
+                                "base_rocking")
 
 
 class Tilt(AtJoint):
@@ -33,20 +40,30 @@ class TiltAlong(Tilt):
 
     law = "along"
     joints = (1,)
-    parameters = (
-        COMPLIANCE,
-        Parameter("share", "1", 0.5, 0.1, 0.85, grid=(0.25, 0.5, 0.75), shape=True,
-                  source="engineering judgement: the bearing of a column is somewhere in it",
-                  bounds_source="engineering judgement: nearer to the frame it is the first law; on the floor it is "
-                                "base_rocking"),
-    )
+    parameters: tuple[Parameter, ...] = (COMPLIANCE, SHARE)
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        i = self.index(joint)
-        axis, origin = rows.axes[:, i], rows.origins[:, i]
-        pivot = origin - values[1] * axis * np.sum(axis * origin, axis=1, keepdims=True)
+        return self.tilted(rows, np.array([values[0], values[0]]), values[1])
+
+    @staticmethod
+    def tilted(rows: LoadState, compliance: Array, share: float) -> Array:
+        """What the column does (n, 6) that yields so about the x and y axes (2,) [rad/(N m)] of joint 1's frame."""
+        axis, x, origin = rows.axes[:, 0], rows.link_x[:, 0], rows.origins[:, 0]
+        pivot = origin - share * axis * np.sum(axis * origin, axis=1, keepdims=True)
         moment = rows.moment_about(pivot)
-        return rows.turned(pivot, values[0] * (moment - axis * np.sum(axis * moment, axis=1, keepdims=True)))
+        turn = sum(c * across * np.sum(across * moment, axis=1, keepdims=True)
+                   for c, across in zip(compliance, (x, np.cross(axis, x)), strict=True))
+        return rows.turned(pivot, turn)
+
+
+class TiltEach(TiltAlong):
+    """The same where the column, or what holds its bearing, is softer about one of the axes across it, which turn with it."""
+
+    law = "each"
+    parameters = (*(replace(COMPLIANCE, name=f"{axis}_rad_per_nm") for axis in "xy"), replace(SHARE, low=0.0))
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        return self.tilted(rows, values[:2], values[2])
 
 
 class BearingTilt(Tilt):
@@ -54,7 +71,7 @@ class BearingTilt(Tilt):
     x axis, because its y axis is joint 5's own."""
 
     joints = (1, 2, 3, 4, 5)
-    other_laws = (TiltAlong(),)
+    other_laws = (TiltAlong(), TiltEach())
     parameters = (COMPLIANCE,)
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:

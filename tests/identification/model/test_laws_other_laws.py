@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from identification.model.effects import effects
 from identification.model.effects_in_force import EffectInForce
@@ -178,6 +179,12 @@ def test_a_column_s_bearing_turns_the_tool_about_where_it_is() -> None:
     rotation = 1e-7 * np.cross(arms, wrench[:, :3]) * [1.0, 1.0, 0.0]
     assert_allclose(moved[:, 3:], rotation, atol=1e-15)
     assert_allclose(moved[:, :3], np.cross(rotation, arms), atol=1e-15)
+    each = known("bearing_tilt.each")
+    assert each is not None
+    # Across the column's own axes, which turn with joint 1.
+    turn, back = Rotation.from_euler("z", rows.loaded[:, :1]), Rotation.from_euler("z", -rows.loaded[:, :1])
+    assert_allclose(each.contribution(rows, 1, np.array([1e-7, 4e-8, 0.3]))[:, 3:],
+                    turn.apply(back.apply(rotation) * [1.0, 0.4, 1.0]), atol=1e-15)
 
 
 def test_a_structure_stiffens_along_the_arm_across_it_and_upright() -> None:

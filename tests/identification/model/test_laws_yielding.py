@@ -35,6 +35,7 @@ def drawn(count: int = 8, *, heavy: bool = False, moments: bool = False) -> Load
 
 @pytest.mark.parametrize(("law", "joint", "values"), [
     ("link_bending.twist", 2, [1e-7]), ("link_bending.beam", 2, [1e-7]), ("base_rocking.column", None, [5e-8, 0.7]),
+    ("bearing_tilt.each", 1, [9e-8, 3e-8, 0.4]),
     ("base_rocking.platform", None, [3e-8, 5e-8, 2e-8, 4e-8, 6e-8, 3e-8, 0.4, -0.2, -0.8])])
 def test_maxwell_betti(law: str, joint: int | None, values: list[float]) -> None:
     """What a load along a moves along b, the same load along b moves along a; no load gains energy."""
