@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from identification.common.arrays import rms
+from identification.diagnosis.begun import named_by_fits
 from identification.diagnosis.blocks import in_blocks
 from identification.diagnosis.detect import REPLICATES, Detection, goodness_of_fit
 from identification.diagnosis.discrimination import next_loads, rivals_of, robot_difference
@@ -42,7 +43,7 @@ from identification.diagnosis.odds import (
     log_posterior,
 )
 from identification.diagnosis.power import showing
-from identification.diagnosis.search import Hypothesis, Survey
+from identification.diagnosis.search import Hypothesis, Survey, log_prior
 from identification.diagnosis.share import share_of
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
@@ -64,6 +65,8 @@ INADEQUATE = 0.005
 LOOKED_AT = 0.3
 # Nor are forces that differ from one set-up to the next by so many times what is usual taken for noise before that.
 SET_UP_ANEW = 3.0
+# Sensors that remember so many times what is usual, and tails so heavy, may stand for a cause too.
+REMEMBERS, HEAVY = 10.0, 3.0
 # Readings that are so many times off what the noise allows, heavy tails with it, are no noise (misfit.far_off).
 FAR_OFF = 1.3
 FAR_IN_WORDS = ("the readings are off by {:.1f} times what the noise allows, however heavy its tails: those that are far off "
@@ -257,15 +260,20 @@ class Procedure:
     def explaining(self, usual: Posterior) -> _Found:
         """The likeliest set of causes; where it does not explain the rows what another noise, or more causes, make of them."""
         found = self.searched(usual)
-        if not found.enough or found.best is None:
+        if not found.enough or found.best is None or strained(found.fitted):
             # Nor must parts that there are and that have grown, which they do without end where the cause is large.
             quiet = self.searched(likeliest_fit(under_ordinary_noise(usual), self.catalogue, 2))
-            if quiet.enough or log_evidence(quiet.fitted) > log_evidence(found.fitted) + LIKELIER:
+            if (quiet.enough and not found.enough) or quiet.likelier_than(found):
                 found = quiet
         if not found.enough and found.best is not None:
             other = likelier_fit(found.named)
             rival = None if other is None else self.searched(other, rejected=found.best.key)
             found = rival if rival is not None and rival.enough else found
+        if not found.enough or strained(found.fitted):
+            # What every visit begins anew the look at all effects does not know.
+            named = named_by_fits(usual, self.catalogue)
+            begun = None if named is None else self.tested(named)
+            found = begun if begun is not None and begun.likelier_than(found) else found
         if not found.enough:
             lost = found.named.lost
             found = self.searched(found.fitted, MOST_CAUSES)
@@ -279,7 +287,10 @@ class Procedure:
 
     def searched(self, start: Posterior, levels: int = 2, rejected: frozenset[int] | None = None) -> _Found:
         """The likeliest set of up to so many causes, seen from a fitted model, and whether it explains the rows."""
-        named = with_plainer_effects(converged(start, self.catalogue, levels, rejected))
+        return self.tested(with_plainer_effects(converged(start, self.catalogue, levels, rejected)))
+
+    def tested(self, named: Named) -> _Found:
+        """Causes with the test whether they explain the rows."""
         return _Found(named, goodness_of_fit(named.fitted, self.catalogue, self.rng, self.replicates),
                       beyond_stated(named.fitted, GRANTED_AFTER_NAMING))
 
@@ -376,6 +387,15 @@ class _Found:
         """Whether they explain the rows."""
         return self.adequacy.p_value > INADEQUATE and not self.scatter
 
+    def likelier_than(self, other: _Found) -> bool:
+        """Whether these causes are far likelier than the other ones, by their fits, and explain the rows if those do."""
+        return self.enough >= other.enough and self._value > other._value + LIKELIER
+
+    @property
+    def _value(self) -> float:
+        terms = len(self.fitted.terms)
+        return log_evidence(self.fitted) + (log_prior(terms, len(self.named.seen.dictionary.entries)) if terms else 0.0)
+
 
 def sound(judgement: Judgement) -> bool:
     """Whether it names causes, and no mistake beside them."""
@@ -385,6 +405,11 @@ def sound(judgement: Judgement) -> bool:
 def least_odds(plain: Posterior) -> float:
     """ln of how much likelier a name must be than nothing, where chance shows as much."""
     return THAN_SET_UPS if plain.components.setup > SET_UP_ANEW else CERTAINLY
+
+
+def strained(fitted: Posterior) -> bool:
+    """Whether parts of the noise that need not be there are large beside the causes: there may be likelier ones."""
+    return fitted.components.setup > SET_UP_ANEW or fitted.components.memory > REMEMBERS or fitted.components.degrees <= HEAVY
 
 
 def nearly_all(plain: Posterior, extended: Posterior) -> bool:

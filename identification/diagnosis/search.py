@@ -77,6 +77,11 @@ class Survey:
             return self
         return replace(self, hypotheses=_weighed(kept, len(self.dictionary.entries)))
 
+    def instead(self, others: dict[frozenset[int], Hypothesis]) -> Survey:
+        """With these hypotheses in the place of those of their keys, if any."""
+        kept = [hypothesis for hypothesis in self.hypotheses if hypothesis.key not in others]
+        return replace(self, hypotheses=_weighed([*kept, *others.values()], len(self.dictionary.entries)))
+
     def unweighed(self, hypothesis: Hypothesis) -> Hypothesis | None:
         """The hypothesis with the best signatures of laws that no weight presses on, where one that nobody stated presses on
         one of its gears; None where there is none."""
