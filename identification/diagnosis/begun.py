@@ -20,7 +20,7 @@ from identification.fit.posterior import Posterior
 from identification.model.effects import Effect
 
 # Of so many such causes, the likeliest at a look, so many starts are fitted.
-CAUSES, STARTS = 5, 3
+CAUSES, STARTS = 4, 2
 
 
 def named_by_fits(plain: Posterior, catalogue: dict[str, Effect]) -> Named | None:

@@ -71,6 +71,8 @@ REMEMBERS, HEAVY = 10.0, 3.0
 FAR_OFF = 1.3
 FAR_IN_WORDS = ("the readings are off by {:.1f} times what the noise allows, however heavy its tails: those that are far off "
                 "count for little, and hold something else")
+# ln of how much likelier causes may become by looking further, where they explain nothing at first.
+BEYOND_SEARCH = 100.0
 # Laws of one gear that differ in a correction by less than so many times the noise may stay open under one name.
 OPEN_LAWS_DIFFER = 1.0
 MOST_CAUSES = 3
@@ -233,7 +235,11 @@ class Procedure:
             return replace(judgement, verdict="mistake", mistakes=(clear,))
         # The parts of the noise that came in for want of a cause must not hide it from the search.
         usual = plain.with_usual_noise
-        found = self.explaining(usual)
+        first = self.searched(usual)
+        physics = physics_of(mistakes, first.named.seen, first.fitted)
+        if mistakes.possible and not first.enough and mistakes.clearly(physics + BEYOND_SEARCH):
+            return replace(judgement, verdict="mistake", mistakes=mistakes.possible)
+        found = self.explaining(usual, first)
         seen, best, extended, adequacy, scatter = found.named.seen, found.best, found.fitted, found.adequacy, found.scatter
         # A name that leaves the alarm as it was has explained nothing.
         alarmed = judgement.detection.p_value <= self.alarm
@@ -242,9 +248,7 @@ class Procedure:
         slight: frozenset[str] = frozenset()
         if best is not None and (to_the_noise or nearly_all(plain, extended)):
             extended, slight = without_slight(self.data, extended, len(seen.dictionary.entries), self.rng)
-        physics = 0.0
-        if mistakes.found is not None and (mistakes.possible or mistakes.slight):
-            physics = log_posterior(mistakes.found, extended, len(seen.dictionary.entries))
+        physics = physics_of(mistakes, seen, extended)
         if mistakes.clearly(physics):
             return replace(judgement, verdict="mistake", mistakes=mistakes.possible)
         nearly = nearly_all(plain, extended)
@@ -257,9 +261,9 @@ class Procedure:
             judgement = self.with_names(judgement, seen, best, slight)
         return beside(judgement, mistakes, physics)
 
-    def explaining(self, usual: Posterior) -> _Found:
-        """The likeliest set of causes; where it does not explain the rows what another noise, or more causes, make of them."""
-        found = self.searched(usual)
+    def explaining(self, usual: Posterior, found: _Found) -> _Found:
+        """The likeliest set of causes: what was found, or where that does not explain the rows what another noise, or more
+        causes, make of them."""
         if not found.enough or found.best is None or strained(found.fitted):
             # Nor must parts that there are and that have grown, which they do without end where the cause is large.
             quiet = self.searched(likeliest_fit(under_ordinary_noise(usual), self.catalogue, 2))
@@ -400,6 +404,14 @@ class _Found:
 def sound(judgement: Judgement) -> bool:
     """Whether it names causes, and no mistake beside them."""
     return judgement.verdict == "named" and not judgement.mistakes
+
+
+def physics_of(mistakes: Mistakes, seen: Survey, extended: Posterior) -> float:
+    """ln posterior of the causes of a model on the rows in which mistakes were looked for; 0 where there is none to hold it
+    against."""
+    if mistakes.found is None or not (mistakes.possible or mistakes.slight):
+        return 0.0
+    return log_posterior(mistakes.found, extended, len(seen.dictionary.entries))
 
 
 def least_odds(plain: Posterior) -> float:

@@ -126,8 +126,9 @@ def test_parts_of_the_noise_that_have_grown_hide_no_cause(
     monkeypatch.setattr(Procedure, "tested", lambda self, named: named)
     start: Any = "as it is"
     data: Any = None
-    assert Procedure(data, {}, 0.05, 10, 0).explaining(start).fitted == taken
-    assert asked == ["as it is", *["ordinary"] * (strains or taken == "quiet")]
+    first: Any = usual
+    assert Procedure(data, {}, 0.05, 10, 0).explaining(start, first).fitted == taken
+    assert asked == ["ordinary"] * (strains or taken == "quiet")
 
 
 @dataclass(frozen=True)
