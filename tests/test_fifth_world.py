@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import compstiff
 from benchmarks.fifth_arm import Array, Structure, arm_of, equilibrium, posture, turning
 from benchmarks.fifth_causes import CAUSES, beam, play, side, times
 from benchmarks.fifth_judge import RIGHT, judged
 from benchmarks.fifth_trial import ARMS, INSTRUMENTS, deflections, sheet_of, table_of, trial, visible
-from benchmarks.fifth_world import NOTHING, written
+from benchmarks.fifth_world import NOTHING, case, deck, written
 
 TOOL = np.array([0.12, 0.02, 0.25])
 POSES = {"ABB": [20, 15, 10, 40, 50, -60], "KUKA": [20, -80, 95, 30, 40, -50], "FANUC": [20, 10, -15, 30, 40, -50]}
@@ -86,3 +88,22 @@ def test_answers_are_judged() -> None:
         answer = {"verdict": verdict, "mistakes": [], "causes": told if verdict == "named" else [],
                   "alternatives": [] if verdict == "named" else told}
         assert judged({"cause": hidden, "joint": 4}, answer)[0] == grade
+
+
+@pytest.mark.parametrize(("seed", "number", "count", "verdict", "name"), [
+    (8100, 15, 48, "named", "link_bending[3]"), (8100, 25, 48, "mistake", "joint_zero[4]"),
+    (8100, 1, 48, "named", "backlash[6]"), (8300, 36, 60, "named", "tool_play")])
+def test_what_had_been_noise_or_another_gear_is_named(
+    seed: int, number: int, count: int, verdict: str, name: str, tmp_path: Path,
+) -> None:
+    """A forearm and a zero that forces set up anew had taken up, play of gear 6 under a spindle beside its axis, and a loose
+    clamp that most visits begin at the same end."""
+    cause = next(islice(deck(count, np.random.default_rng(seed)), number, None))
+    rng = np.random.default_rng([seed, number])
+    one, hidden, _, _ = case(cause, rng)
+    written(one, table_of(one, hidden, rng), sheet_of(one, rng), {"cause": cause.name}, tmp_path / "case")
+    cell = compstiff.read_cell(tmp_path / "case" / "cell.yaml")
+    found = compstiff.diagnose(cell, compstiff.read_measurements(tmp_path / "case" / "measurements.csv", cell))
+    assert found.verdict == verdict
+    named = [cause.label for cause in found.judgement.causes] or [mistake.key for mistake in found.judgement.mistakes]
+    assert named == [name]

@@ -29,7 +29,8 @@ def branched(text: str, head: str, end: str) -> tuple[str, range]:
     return "\n".join(lines) + "\n", targets
 
 
-@pytest.mark.parametrize(("name", "driven"), [("all", True), ("all", False), ("loop", False)])
+@pytest.mark.parametrize(("name", "driven"), [
+    ("all", True), pytest.param("all", False, marks=pytest.mark.long), ("loop", False)])
 def test_the_forces_of_a_log_by_time_go_to_what_was_driven(
     sample_inputs: Inputs, sample: Corrected, tmp_path: Path, name: str, driven: bool
 ) -> None:

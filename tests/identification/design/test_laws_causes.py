@@ -95,6 +95,7 @@ def test_no_plan_out_of_the_pool_beats_the_bound(visits, task):
     assert 0.97 * bound < value <= bound * (1 + 1e-9)
 
 
+@pytest.mark.long
 def test_more_causes_are_told_apart_and_the_price_is_said(found, task, cell):
     plan, worth = found
     named = judge_plan(cell, causes._rows(task, plan.runs, None)).counts["identifiable"]
@@ -141,6 +142,7 @@ def test_on_the_command_line(tmp_path):
     content = json.loads(result.stdout)["result"]
     assert content["criterion"] == "C"
     assert content["by_causes"]["pool"] > 100
+    assert 0.5 < content["by_causes"]["share_of_best_in_pool"] <= 1
     assert len(read_measurements(tmp_path / "plan.csv", read_cell(cell).robot, planned=True).row) == content["rows"] == 21
     assert "possible causes" in (tmp_path / "plan.html").read_text(encoding="utf-8")
     both = CliRunner().invoke(design, [str(cell), "-o", str(tmp_path / "x.csv"), "--criterion", "C", "--add", "1",
