@@ -182,7 +182,7 @@ def open_force_log(file: Path, form: ForceLogFile, log_format: str | None = None
     forces = FORCE_COUNTS if FORCE_COUNTS[0] in names and FORCES[0] not in names else FORCES
     check_columns(columns, forces, TOGETHER, name, header_line,
                   hint=named_columns(columns) or named_columns(layout.above if layout is not None else ())
-                  or "; or name them in cell.yaml, force_log.columns")
+                  or "; or name them in cell.yaml, force_log.columns (in another unit as fx_counts, with counts_per_n)")
     moments: tuple[str, ...] = next((group for group in (MOMENTS, MOMENT_COUNTS) if group[0] in names), ())
     _check_scales(forces, moments, form, name, header_line)
     key = _key(columns, form, name, header_line)

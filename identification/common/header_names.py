@@ -51,6 +51,10 @@ def renamed(header: Sequence[str], wanted: Sequence[str]) -> str:
     if not sure:
         return ""
     calls = ", ".join(f"'{name}' {column}" for name, column, needed in sure if not needed)
-    others = "; ".join(f"'{name}' must be {column}, in {needed}: convert its numbers"
-                       for name, column, needed in sure if needed)
-    return "; ".join(text for text in (f"call {calls}" if calls else "", others) if text)
+    others = []
+    for unit in dict.fromkeys(needed for _, _, needed in sure if needed):
+        alike = [(f"'{name}'", column) for name, column, needed in sure if needed == unit]
+        theirs = "its" if len(alike) == 1 else "their"
+        others.append(f"{', '.join(name for name, _ in alike)} must be {', '.join(column for _, column in alike)}, in {unit}: "
+                      f"convert {theirs} numbers")
+    return "; ".join([f"call {calls}"] * bool(calls) + others)

@@ -129,8 +129,8 @@ def check_columns(
         free = [name for name in names if name not in required]
         near = [(other, name) for name in missing for other in difflib.get_close_matches(name, free, n=1, cutoff=0.5)]
         called = renamed(free, (*missing, *optional))
-        if called and not hint:
-            hint = f"; if they are meant so, {called}"
+        if called and not any(name in lower for name in missing):
+            hint = f"; if they are meant so, {called}{hint}"
         elif near and not hint:
             hint = "; " + ", ".join(f"is '{other}' meant to be {name}?" for other, name in near)
         raise error("CS0202", f"column{'s' if len(missing) > 1 else ''} missing: {', '.join(missing)}; "

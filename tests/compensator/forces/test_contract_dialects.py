@@ -89,6 +89,8 @@ def test_parquet(tmp_path, monkeypatch) -> None:
     ("0,1,2\n3,4,5\n", {}, "a.csv:1: error CS3020: has no header line: it begins with 3 numbers"),
     ("0,1,2\n3,4,5\n", {"columns": ["target", "fx_n"]}, "CS3020: has 3 columns, force_log.columns in cell.yaml names 2"),
     ("0,1,2\n", {"columns": ["target", "fx_n", "fy_n"]}, "CS0202: column missing: fz_n"),
+    ("target,Fx [kN],fy_kn,Fz [N]\n0,1,2,3\n", {}, "call 'Fz [N]' fz_n; 'Fx [kN]', 'fy_kn' must be fx_n, fy_n, in newtons: "
+     "convert their numbers; or name them in cell.yaml, force_log.columns (in another unit as fx_counts, with counts_per_n)"),
     ("target;fx_n;fy_n;fz_n\n0;1;2;3\n0;1;2,3\n", {}, "a.csv:3: error CS0201: 3 cells where the header names 4"),
     ("target;fx_n;fy_n;fz_n\n0;1;2;3\n0;1;;3\n", {}, "a.csv:3:3: error CS0203: column 'fy_n': found an empty cell"),
     ("target fx_n fy_n fz_n\n0 1 2 3\n0 1 nan 3\n", {}, "a.csv:3:3: error CS0203: column 'fy_n': found 'nan'"),

@@ -66,7 +66,8 @@ def test_another_unit_is_said_and_not_renamed(tmp_path: Path) -> None:
     cell.write_text("robot: irb6660-205-1.90\ntool: {position_mm: [0, 0, 250]}\n")
     with pytest.raises(CompstiffError) as refused:
         read_measurements(table, read_cell(cell).robot)
-    assert "'dx [mm]' must be dx_um, in micrometres: convert its numbers" in refused.value.findings[0].hint
+    words = "'dx [mm]', 'dy [mm]', 'dz [mm]' must be dx_um, dy_um, dz_um, in micrometres: convert their numbers"
+    assert words in refused.value.findings[0].hint
 
 
 def test_the_csv_that_excel_writes_first_is_no_utf_8(tmp_path: Path) -> None:
