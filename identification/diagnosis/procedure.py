@@ -65,6 +65,8 @@ INADEQUATE = 0.005
 LOOKED_AT = 0.3
 # Nor are forces that differ from one set-up to the next by so many times what is usual taken for noise before that.
 SET_UP_ANEW = 3.0
+# ln of how much likelier other causes must be than ones that explain the rows: real laws are none of the dictionary's.
+FAR_LIKELIER = 10.0
 # Sensors that remember so many times what is usual, and tails so heavy, may stand for a cause too.
 REMEMBERS, HEAVY = 10.0, 3.0
 # Readings that are so many times off what the noise allows, heavy tails with it, are no noise (misfit.far_off).
@@ -392,8 +394,9 @@ class _Found:
         return self.adequacy.p_value > INADEQUATE and not self.scatter
 
     def likelier_than(self, other: _Found) -> bool:
-        """Whether these causes are far likelier than the other ones, by their fits, and explain the rows if those do."""
-        return self.enough >= other.enough and self._value > other._value + LIKELIER
+        """Whether these causes are likelier than the other ones, by their fits; than ones that explain the rows they must be
+        far likelier, and explain them too."""
+        return self.enough >= other.enough and self._value > other._value + (FAR_LIKELIER if other.enough else LIKELIER)
 
     @property
     def _value(self) -> float:
