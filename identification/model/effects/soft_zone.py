@@ -70,6 +70,18 @@ class TwoSlopes(SofterNearZero):
         return sizes
 
 
+SHARE = Parameter("share", "1", 0.45, 0.0, 1.0,
+                  source=f"{HARMONIC_DRIVE}, table 41: K3/K1 is 1.6 to 2.1: 0.4 to 0.5 less compliance under large torques",
+                  bounds_source="engineering judgement: a spring that is all linear, to one that is all cubic")
+
+
+def knee_of(*grid: float) -> Parameter:
+    """The torque about which the gear stiffens."""
+    return Parameter("torque_nm", "N*m", 300.0, 3.0, 5000.0, grid=grid, shape=True,
+                     source=f"{HARMONIC_DRIVE}, table 42: T2 is 108 to 843 N m for sizes 40 to 80",
+                     bounds_source=f"{HARMONIC_DRIVE}, table 42: T2 up to 3040 N m; 3 to 5000 N m is engineering judgement")
+
+
 class CubicZone(SofterNearZero):
     """`J_i a c_i (T phi((g + tau) / T) - T phi(g / T) - tau)`, phi + phi^3 = u: a share a of the gear's twist is that of a
     spring `c_i^-1 x (1 + (x / (T c_i))^2)`. Gravity's torque is a part of it, so that the joint is stiffer where its weight is
@@ -79,20 +91,27 @@ class CubicZone(SofterNearZero):
     law = "cubic"
     formula_source = (f"{HARMONIC_DRIVE}, fig. 11: the stiffness rises from K1 over K2 to K3; a cubic spring through these: "
                       "engineering judgement")
-    parameters = (
-        Parameter("share", "1", 0.45, 0.0, 1.0,
-                  source=f"{HARMONIC_DRIVE}, table 41: K3/K1 is 1.6 to 2.1: 0.4 to 0.5 less compliance under large torques",
-                  bounds_source="engineering judgement: a spring that is all linear, to one that is all cubic"),
-        Parameter("torque_nm", "N*m", 300.0, 3.0, 5000.0, grid=(40.0, 120.0, 360.0, 1000.0), shape=True,
-                  source=f"{HARMONIC_DRIVE}, table 42: T2 is 108 to 843 N m for sizes 40 to 80",
-                  bounds_source=f"{HARMONIC_DRIVE}, table 42: T2 up to 3040 N m; 3 to 5000 N m is engineering judgement"),
-    )
+    parameters: tuple[Parameter, ...] = (SHARE, knee_of(40.0, 120.0, 360.0, 1000.0))
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
-        share, torque = values
-        gravity, load = rows.gravity[:, i], rows.torque[:, i]
-        cubic = torque * (_cubic((gravity + load) / torque) - _cubic(gravity / torque))
+        share, torque = values[:2]
+        preload, load = self.preload(rows, i, values), rows.torque[:, i]
+        cubic = torque * (_cubic((preload + load) / torque) - _cubic(preload / torque))
         return np.asarray(share * rows.compliance[i] * (cubic - load))
+
+
+class WristCubic(UnderTheTool, CubicZone):
+    """The cubic law in a wrist of unknown weight."""
+
+    law = "cubic_wrist"
+    parameters = (SHARE, knee_of(40.0, 120.0, 360.0), of_tool(every=5))
+
+
+class ArmCubic(UnderTheArm, CubicZone):
+    """The cubic law in an arm of unknown weight."""
+
+    law = "cubic_arm"
+    parameters = (SHARE, knee_of(120.0, 360.0, 1000.0), of_arm(every=5))
 
 
 class WristZone(UnderTheTool, TwoSlopes):
@@ -120,7 +139,7 @@ class SoftZone(TwoSlopes):
     follows from the joint: K3/K1 = 1.8 makes a = 0.8 T c_i."""
 
     name = "soft_zone"
-    other_laws = (CubicZone(), WristZone(), ArmZone())
+    other_laws = (CubicZone(), WristZone(), ArmZone(), WristCubic(), ArmCubic())
     formula_source = (f"{HARMONIC_DRIVE}, fig. 11: straight lines of stiffness K1, K2, K3 between the torques T1 and T2; "
                       "here two lines, or a cubic spring")
     parameters = (EXTRA, zone_of(12.0, 25.0, 50.0, 90.0, 160.0, 280.0))

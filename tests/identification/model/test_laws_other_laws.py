@@ -80,6 +80,18 @@ def test_a_cubic_gear_is_the_root_of_its_cubic(joint: int) -> None:
         g, tau = rows.gravity[n, i], rows.torque[n, i]
         assert_allclose(moved[n], rows.jacobian[n, :, i] * (spring(g + tau) - spring(g) - c * tau), rtol=1e-7, atol=1e-15)
     assert_allclose(law.contribution(rows, joint, np.array([0.4, torque])), 0.4 * moved, rtol=1e-12)
+    # The same under a weight that nobody stated, and that is searched.
+    where, hung = ("arm", rows.hung_on_forearm) if joint < 4 else ("wrist", rows.hung_on_flange)
+    under = known(f"soft_zone.cubic_{where}")
+    assert under is not None
+    assert under.missing(rows)
+    light = replace(rows, robot=arm)
+    assert not under.missing(light)
+    if joint in under.joints:
+        moved = under.contribution(light, joint, np.array([1.0, torque, 700.0]))
+        for n in range(8):
+            g, tau = 700.0 * hung[n, i], rows.torque[n, i]
+            assert_allclose(moved[n], rows.jacobian[n, :, i] * (spring(g + tau) - spring(g) - c * tau), rtol=1e-6, atol=1e-15)
 
 
 def test_held_play_stays_where_it_was_pressed() -> None:
