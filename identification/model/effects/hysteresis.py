@@ -149,7 +149,7 @@ class Hysteresis(_Hysteresis):
                       "Maxwell-slip model; here one element. R. Dhaouadi, F. Ghorbel, Modeling and Analysis of Hysteresis "
                       "in Harmonic Drive Gears, Syst. Anal. Model. Simul., received 2002")
     parameters = (AMPLITUDE, _slips_at(
-        50.0, (10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0),
+        50.0, (4.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0),
         f"{NABTESCO}: lost motion is read at 3 % of the rated torque; 50 N m is that of a gear of 1670 N m"))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
