@@ -27,11 +27,17 @@ def named_by_fits(plain: Posterior, catalogue: dict[str, Effect]) -> Named | Non
     """All causes, alone and in pairs, as seen from a plain model, with the evidence of such causes by their fits, where one of
     these is the likeliest of all; else None."""
     seen = survey(plain, catalogue, 2)
-    fits = {hypothesis.key: (fit, replace(hypothesis, log_evidence=log_evidence(fit) - log_evidence(plain)))
-            for some in _starts(seen) if some for fit, hypothesis in [_likeliest(plain, seen, some)] if fit is not plain}
-    seen = seen.instead({key: hypothesis for key, (_, hypothesis) in fits.items()})
+    fits, likelier = {}, {}
+    for starts in _starts(seen):
+        fitted = [(fit, start) for start in starts
+                  if (fit := attempt(plain.data, [_of_size(seen.terms(start)[0])], plain)) is not None]
+        if fitted:
+            fit, start = max(fitted, key=lambda pair: log_evidence(pair[0]))
+            fits[start.key] = fit
+            likelier[start.key] = replace(start, log_evidence=log_evidence(fit) - log_evidence(plain))
+    seen = seen.instead(likelier)
     best = seen.hypotheses[0] if seen.hypotheses else None
-    return Named(seen, best, fits[best.key][0]) if best is not None and best.key in fits else None
+    return Named(seen, best, fits[best.key]) if best is not None and best.key in fits else None
 
 
 def _starts(seen: Survey) -> list[list[Hypothesis]]:
@@ -44,13 +50,6 @@ def _starts(seen: Survey) -> list[list[Hypothesis]]:
         best = sorted(begun, key=lambda s: -evidence[s])[:STARTS]
         found.append([Hypothesis((k,), (s,), float(evidence[s])) for s in best])
     return sorted(filter(None, found), key=lambda some: -some[0].log_evidence)[:CAUSES]
-
-
-def _likeliest(plain: Posterior, seen: Survey, starts: list[Hypothesis]) -> tuple[Posterior, Hypothesis]:
-    """The likeliest of the fits from these starts; the plain model where none converges."""
-    fits = [(fit, start) for start in starts
-            if (fit := attempt(plain.data, [_of_size(seen.terms(start)[0])], plain)) is not None]
-    return max(fits, key=lambda pair: log_evidence(pair[0]), default=(plain, starts[0]))
 
 
 def _of_size(term: Term) -> Term:
