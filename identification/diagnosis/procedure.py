@@ -215,12 +215,12 @@ class Procedure:
                               left_out={name: why for name, why in missing.items() if why})
         if detection.p_value <= self.alarm or judgement.scatter:
             return self.named(judgement)
-        far, set_up_anew = far_off(plain), plain.components.setup > SET_UP_ANEW
-        if detection.p_value <= LOOKED_AT or far > FAR_OFF or set_up_anew:
+        far, anew = far_off(plain), strained(plain)
+        if detection.p_value <= LOOKED_AT or far > FAR_OFF or anew:
             found = self.named(judgement)
             if found.log_odds is not None and found.log_odds >= least_odds(plain):
                 return found
-            if (far > FAR_OFF or set_up_anew) and found.verdict == "mistake":
+            if (far > FAR_OFF or anew) and found.verdict == "mistake":
                 return found
             if far > FAR_OFF:
                 return found.as_unknown((FAR_IN_WORDS.format(far), *found.patterns))
