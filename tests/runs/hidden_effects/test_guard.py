@@ -79,16 +79,18 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell, Measuremen
 
 
 # Long: as it is without anything replaced.
-@pytest.mark.parametrize(("p_value", "odds", "far", "verdict"), [
-    pytest.param(0.02, None, 1.0, "named", marks=pytest.mark.long), (0.02, 6.0, 1.0, "unknown"),
-    (0.2, None, 1.0, "named"), (0.2, 6.0, 1.0, "adequate"),
-    (0.4, None, 1.0, "adequate"), (0.4, None, None, "named"), (0.4, 6.0, None, "unknown")])
+@pytest.mark.parametrize(("p_value", "odds", "far", "strains", "verdict"), [
+    pytest.param(0.02, None, 1.0, False, "named", marks=pytest.mark.long), (0.02, 6.0, 1.0, False, "unknown"),
+    (0.2, None, 1.0, False, "named"), (0.2, 6.0, 1.0, False, "adequate"), (0.4, None, 1.0, False, "adequate"),
+    (0.4, None, 1.0, True, "named"), (0.4, 6.0, 1.0, True, "adequate"),
+    (0.4, None, None, False, "named"), (0.4, 6.0, None, False, "unknown")])
 def test_what_chance_does_now_and_then_gets_no_name(
     monkeypatch: pytest.MonkeyPatch, searched: tuple[Cell, Measurements, Mistakes, Named], p_value: float, odds: float | None,
-    far: float | None, verdict: str,
+    far: float | None, strains: bool, verdict: str,
 ) -> None:
     """An effect that is there, with a misfit that so many data sets of nothing would show: a name only where the odds against
-    nothing (ln; None: as they are) are beyond doubt. Where readings are far off (None: as they are) it is never `adequate`."""
+    nothing (ln; None: as they are) are beyond doubt, and beyond 30 % only where the noise is unlike a sensor's. Where readings
+    are far off (None: as they are) it is never `adequate`."""
     cell, rows, mistakes, named = searched
     real = procedure.goodness_of_fit
 
@@ -99,6 +101,7 @@ def test_what_chance_does_now_and_then_gets_no_name(
     monkeypatch.setattr(procedure, "goodness_of_fit", by_chance)
     monkeypatch.setattr(procedure, "mistakes_in", lambda plain: mistakes)
     monkeypatch.setattr(procedure, "converged", lambda *_: named)
+    monkeypatch.setattr(procedure, "strained", lambda _: strains)
     if far is not None:
         monkeypatch.setattr(procedure, "far_off", lambda _: far)
     if odds is not None:
