@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -52,7 +53,8 @@ class Dictionary:
         share = np.empty(len(self.signatures))
         for entry in self.entries:
             laws = [self.signatures[s].effect.stored for s in entry.signatures]
-            share[entry.signatures] = [-np.log(laws.count(law) * len(set(laws))) for law in laws]
+            number = Counter(laws)
+            share[entry.signatures] = [-np.log(number[law] * len(number)) for law in laws]
         return share
 
     @cached_property

@@ -113,10 +113,9 @@ class Opens(_Rocking):
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         compliance, angle, holds, weight = values
-        x, y, _ = rows.origins[:, 4].T
-        at_rest = weight * (x * np.sin(angle) - y * np.cos(angle)) - holds
-        axis = np.array([np.cos(angle), np.sin(angle), 0.0])
-        base = np.zeros((len(rows), 3))
+        axis, base = np.array([np.cos(angle), np.sin(angle), 0.0]), np.zeros((len(rows), 3))
+        down = rows.fall / np.linalg.norm(rows.fall)
+        at_rest = weight * np.cross(rows.origins[:, 4], down) @ axis - holds
         loaded = at_rest + rows.moment_about(base) @ axis
         opened = np.maximum(loaded, 0.0) - np.maximum(at_rest, 0.0)
         return rows.turned(base, compliance * opened[:, None] * axis)

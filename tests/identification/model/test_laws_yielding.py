@@ -76,15 +76,16 @@ def test_a_foot_that_lifts_turns_about_the_line_of_the_anchors_that_hold(angle: 
     assert_allclose(moved, np.concatenate([np.cross(turn, rows.tcp), turn], axis=1), atol=1e-12 * np.abs(moved).max())
 
 
-def test_a_loose_foot_lifts_once_load_and_weight_together_pass_what_holds_it() -> None:
+@pytest.mark.parametrize("fall", [(0.0, 0.0, -9.81), (4.0, -2.0, 8.7)])
+def test_a_loose_foot_lifts_once_load_and_weight_together_pass_what_holds_it(fall: tuple[float, ...]) -> None:
     """In small steps of the load, each of which tilts it where it is open: so where the weight alone holds it open all the way,
     it tilts as a soft base does, and where weight or anchor hold it down, from the load on that lifts it."""
-    rows, opens = drawn(24, moments=True), known("base_rocking.opens")
+    rows, opens = replace(drawn(24, moments=True), fall=np.array(fall)), known("base_rocking.opens")
     assert opens is not None
     compliance, angle, holds, weight, steps = 6e-8, 2.4, 150.0, 260.0, 4000
     line = np.array([np.cos(angle), np.sin(angle), 0.0])
     load = (np.cross(rows.tcp, rows.wrench[:, :3]) + rows.wrench[:, 3:]) @ line
-    arm = np.cross(rows.origins[:, 4], [0.0, 0.0, -weight]) @ line
+    arm = np.cross(rows.origins[:, 4], weight / np.linalg.norm(fall) * np.array(fall)) @ line
     share = (np.arange(steps) + 0.5) / steps
     open_for = np.mean(arm[:, None] + share * load[:, None] > holds, axis=1)
     assert (open_for == 0).any()
