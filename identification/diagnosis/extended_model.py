@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from identification.common.arrays import rms
 from identification.common.quantities import cause_words
+from identification.diagnosis.attempt import attempt
 from identification.diagnosis.judgement import Judgement
+from identification.fit.discrepancy import discrepancies
 from identification.fit.identifiability import grade_joints
 from identification.fit.misfit import ModelCheck
+from identification.fit.posterior import Posterior
 from identification.model.effects_in_force import EffectInForce
 from identification.model.gravity import fall_in_base
 from identification.model.stiffness import IdentifiedModel
@@ -57,3 +61,11 @@ def _check(judgement: Judgement) -> ModelCheck:
     names = " or ".join(cause_words(cause.label) for cause in judgement.alternatives[:4])
     seen = {"ambiguous": f"{names}: the data cannot tell which"}.get(judgement.verdict, "; ".join(judgement.patterns[:2]))
     return ModelCheck(judgement.detection.p_value, True, seen or "a cause that the dictionary does not have")
+
+
+def with_free_laws(extended: Posterior) -> Posterior:
+    """The extended model fitted again with the laws of its effects free within what real ones differ by; the same where that
+    does not converge."""
+    terms = tuple(replace(term, start=values) for term, values in zip(extended.terms, extended.term_values, strict=True))
+    free = discrepancies(extended.load_state, terms)
+    return (attempt(extended.data, (*terms, *free), extended) if free else None) or extended

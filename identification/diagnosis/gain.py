@@ -16,6 +16,9 @@ from identification.fit.posterior import Posterior
 
 Array = NDArray[np.float64]
 RESAMPLES = 999
+# ln of how much likelier rows that were not fitted must be without a name for it to be withdrawn; by as much with a term for it
+# to be of use.
+AGAINST = -3.0
 # Poses that are drawn at once.
 AT_ONCE = 1_000_000
 

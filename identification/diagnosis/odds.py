@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from identification.diagnosis.detect import Detection
-from identification.diagnosis.gain import Gain
+from identification.diagnosis.gain import AGAINST, Gain
 from identification.diagnosis.judgement import Cause, Judgement
-from identification.diagnosis.naming import AGAINST, CERTAIN
+from identification.diagnosis.naming import CERTAIN
 from identification.diagnosis.search import log_prior
 from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.mistakes.search import Search

@@ -16,12 +16,14 @@ import numpy as np
 from identification.common.arrays import Array, rms
 from identification.diagnosis.detect import REPLICATES, Detection, detect
 from identification.diagnosis.dictionary import Dictionary, dictionary_of
+from identification.diagnosis.explaining import INADEQUATE, MOST_CAUSES
 from identification.diagnosis.judgement import Cause
-from identification.diagnosis.naming import beyond_nothing, credible, inclusion, kindred, with_open_laws
+from identification.diagnosis.naming import credible, inclusion, kindred, with_open_laws
 from identification.diagnosis.odds import NAMING, certain
-from identification.diagnosis.procedure import ALARM, INADEQUATE, MOST_CAUSES, OPEN_LAWS_DIFFER, SUPPORT
+from identification.diagnosis.procedure import ALARM, OPEN_LAWS_DIFFER, SUPPORT
 from identification.diagnosis.projection import PRIOR_SIZES, Base
 from identification.diagnosis.search import Hypothesis, Survey, searched
+from identification.diagnosis.slight import beyond_nothing
 from identification.fit.discrepancy import discrepancies, other_ways
 from identification.fit.fitted_model import Term
 from identification.fit.sag import sag_columns

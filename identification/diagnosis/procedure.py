@@ -8,30 +8,16 @@ from functools import cached_property
 import numpy as np
 
 from identification.common.arrays import rms
-from identification.diagnosis.begun import named_by_fits
 from identification.diagnosis.blocks import in_blocks
 from identification.diagnosis.detect import REPLICATES, Detection, goodness_of_fit
 from identification.diagnosis.discrimination import next_loads, rivals_of, robot_difference
 from identification.diagnosis.explained import explained
+from identification.diagnosis.explaining import INADEQUATE, SET_UP_ANEW, Explaining, strained
+from identification.diagnosis.extended_model import with_free_laws
 from identification.diagnosis.gain import gain
 from identification.diagnosis.gross import bad_rows, with_crowded
 from identification.diagnosis.judgement import Judgement
-from identification.diagnosis.naming import (
-    LIKELIER,
-    Named,
-    converged,
-    credible,
-    inclusion,
-    kindred,
-    likelier_fit,
-    likeliest_fit,
-    of_nothing,
-    only_local,
-    with_free_laws,
-    with_open_laws,
-    with_plainer_effects,
-    without_slight,
-)
+from identification.diagnosis.naming import credible, inclusion, kindred, only_local, with_open_laws
 from identification.diagnosis.odds import (
     CERTAINLY,
     POSSIBLE,
@@ -43,13 +29,13 @@ from identification.diagnosis.odds import (
     log_posterior,
 )
 from identification.diagnosis.power import showing
-from identification.diagnosis.search import Hypothesis, Survey, log_prior
+from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.share import share_of
+from identification.diagnosis.slight import of_nothing, without_slight
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
-from identification.fit.misfit import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, far_off
-from identification.fit.mistakes.evidence import log_evidence, under_ordinary_noise
+from identification.fit.misfit import GRANTED, beyond_stated, far_off
 from identification.fit.mistakes.judge import RIVAL, Mistakes, beyond_the_fit, fitted_or_mistaken, mistakes_in
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.validation import judge_validation
@@ -58,17 +44,10 @@ from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
 
-# Family-wise false alarms of the detection, and of the test whether the extended model is enough.
+# Family-wise false alarms of the detection.
 ALARM = 0.05
-INADEQUATE = 0.005
 # Up to this probability of the detection a cause is looked for all the same, and must be that much likelier than nothing.
 LOOKED_AT = 0.3
-# Nor are forces that differ from one set-up to the next by so many times what is usual taken for noise before that.
-SET_UP_ANEW = 3.0
-# ln of how much likelier other causes must be than ones that explain the rows: real laws are none of the dictionary's.
-FAR_LIKELIER = 10.0
-# Sensors that remember so many times what is usual, and tails so heavy, may stand for a cause too.
-REMEMBERS, HEAVY = 10.0, 3.0
 # Readings that are so many times off what the noise allows, heavy tails with it, are no noise (misfit.far_off).
 FAR_OFF = 1.3
 FAR_IN_WORDS = ("the readings are off by {:.1f} times what the noise allows, however heavy its tails: those that are far off "
@@ -77,7 +56,6 @@ FAR_IN_WORDS = ("the readings are off by {:.1f} times what the noise allows, how
 BEYOND_SEARCH = 100.0
 # Laws of one gear that differ in a correction by less than so many times the noise may stay open under one name.
 OPEN_LAWS_DIFFER = 1.0
-MOST_CAUSES = 3
 # ln Bayes factor against the plain model under which no cause explains anything.
 SUPPORT = 1.0
 # A misfit of so many times the noise's chi-squared, explained to this share, has its cause though not its exact law.
@@ -132,6 +110,11 @@ class Procedure:
     def rng(self) -> np.random.Generator:
         """Of all that is drawn, in the order of the procedure."""
         return np.random.default_rng(self.seed)
+
+    @cached_property
+    def search(self) -> Explaining:
+        """The search for causes that explain the rows."""
+        return Explaining(self.catalogue, self.alarm, self.replicates, self.rng)
 
     def allowing_for_swing(self, judgement: Judgement) -> Judgement:
         """The judgement; where weights swung, of the rows with that in their sigmas, if that explains them."""
@@ -237,11 +220,11 @@ class Procedure:
             return replace(judgement, verdict="mistake", mistakes=(clear,))
         # The parts of the noise that came in for want of a cause must not hide it from the search.
         usual = plain.with_usual_noise
-        first = self.searched(usual)
+        first = self.search.searched(usual)
         physics = physics_of(mistakes, first.named.seen, first.fitted)
         if mistakes.possible and not first.enough and mistakes.clearly(physics + BEYOND_SEARCH):
             return replace(judgement, verdict="mistake", mistakes=mistakes.possible)
-        found = self.explaining(usual, first)
+        found = self.search.likeliest(usual, first)
         seen, best, extended, adequacy, scatter = found.named.seen, found.best, found.fitted, found.adequacy, found.scatter
         # A name that leaves the alarm as it was has explained nothing.
         alarmed = judgement.detection.p_value <= self.alarm
@@ -262,43 +245,6 @@ class Procedure:
         else:
             judgement = self.with_names(judgement, seen, best, slight)
         return beside(judgement, mistakes, physics)
-
-    def explaining(self, usual: Posterior, found: _Found) -> _Found:
-        """The likeliest set of causes: what was found, or where that does not explain the rows what another noise, or more
-        causes, make of them."""
-        if not found.enough or found.best is None or strained(found.fitted):
-            # Nor must parts that there are and that have grown, which they do without end where the cause is large.
-            quiet = self.searched(likeliest_fit(under_ordinary_noise(usual), self.catalogue, 2))
-            if (quiet.enough and not found.enough) or quiet.likelier_than(found):
-                found = quiet
-        if not found.enough and found.best is not None:
-            other = likelier_fit(found.named)
-            rival = None if other is None else self.searched(other, rejected=found.best.key)
-            found = rival if rival is not None and rival.enough else found
-        if not found.enough or strained(found.fitted):
-            # What every visit begins anew the look at all effects does not know.
-            named = named_by_fits(usual, self.catalogue)
-            begun = None if named is None else self.tested(named)
-            found = begun if begun is not None and begun.likelier_than(found) else found
-        if not found.enough:
-            lost = found.named.lost
-            found = self.searched(found.fitted, MOST_CAUSES)
-            found = replace(found, named=replace(found.named, lost=tuple(dict.fromkeys((*lost, *found.named.lost)))))
-        if not found.enough and found.best is not None and len(found.best.entries) > 1:
-            # What several together do not explain one alone may, with another noise.
-            alone = self.searched(usual, 1)
-            if alone.adequacy.p_value > self.alarm:
-                found = alone
-        return found
-
-    def searched(self, start: Posterior, levels: int = 2, rejected: frozenset[int] | None = None) -> _Found:
-        """The likeliest set of up to so many causes, seen from a fitted model, and whether it explains the rows."""
-        return self.tested(with_plainer_effects(converged(start, self.catalogue, levels, rejected)))
-
-    def tested(self, named: Named) -> _Found:
-        """Causes with the test whether they explain the rows."""
-        return _Found(named, goodness_of_fit(named.fitted, self.catalogue, self.rng, self.replicates),
-                      beyond_stated(named.fitted, GRANTED_AFTER_NAMING))
 
     def with_names(self, judgement: Judgement, seen: Survey, best: Hypothesis, slight: frozenset[str]) -> Judgement:
         """Names where they are certain and of use on rows that were not fitted, else the set of them; slight: labels of the
@@ -369,41 +315,6 @@ class Procedure:
                        robot_difference=robot_difference([model for model, _ in rivals.values()]))
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """The likeliest set of causes and how it explains the rows: the test of the fit with them, and the parts of the noise that
-    are larger than granted."""
-
-    named: Named
-    adequacy: Detection
-    scatter: dict[str, float]
-
-    @property
-    def fitted(self) -> Posterior:
-        """The model with the causes."""
-        return self.named.fitted
-
-    @property
-    def best(self) -> Hypothesis | None:
-        """The causes."""
-        return self.named.best
-
-    @property
-    def enough(self) -> bool:
-        """Whether they explain the rows."""
-        return self.adequacy.p_value > INADEQUATE and not self.scatter
-
-    def likelier_than(self, other: _Found) -> bool:
-        """Whether these causes are likelier than the other ones, by their fits; than ones that explain the rows they must be
-        far likelier, and explain them too."""
-        return self.enough >= other.enough and self._value > other._value + (FAR_LIKELIER if other.enough else LIKELIER)
-
-    @property
-    def _value(self) -> float:
-        terms = len(self.fitted.terms)
-        return log_evidence(self.fitted) + (log_prior(terms, len(self.named.seen.dictionary.entries)) if terms else 0.0)
-
-
 def sound(judgement: Judgement) -> bool:
     """Whether it names causes, and no mistake beside them."""
     return judgement.verdict == "named" and not judgement.mistakes
@@ -420,11 +331,6 @@ def physics_of(mistakes: Mistakes, seen: Survey, extended: Posterior) -> float:
 def least_odds(plain: Posterior) -> float:
     """ln of how much likelier a name must be than nothing, where chance shows as much."""
     return THAN_SET_UPS if plain.components.setup > SET_UP_ANEW else CERTAINLY
-
-
-def strained(fitted: Posterior) -> bool:
-    """Whether parts of the noise that need not be there are large beside the causes: there may be likelier ones."""
-    return fitted.components.setup > SET_UP_ANEW or fitted.components.memory > REMEMBERS or fitted.components.degrees <= HEAVY
 
 
 def nearly_all(plain: Posterior, extended: Posterior) -> bool:

@@ -11,9 +11,9 @@ from identification.common.findings import Finding
 from identification.common.quantities import cause_words, parameter_words, quantity
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause, Judgement
-from identification.diagnosis.naming import brought_along
 from identification.diagnosis.odds import NAMING
 from identification.diagnosis.procedure import ALARM
+from identification.diagnosis.slight import brought_along
 from identification.diagnosis.swing import EFFECT, Swing
 from identification.fit.mending import BadVisit
 from identification.fit.misfit import needed

@@ -14,9 +14,9 @@ from identification.common.findings import error
 from identification.diagnosis import attempt as attempts
 from identification.diagnosis.diagnose import Diagnosis, diagnose
 from identification.diagnosis.judgement import Cause, Judgement
-from identification.diagnosis.naming import of_nothing
 from identification.diagnosis.pages import diagnosis_report
 from identification.diagnosis.share import MOST_ROWS, share_of
+from identification.diagnosis.slight import of_nothing
 from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import posterior

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from identification.diagnosis import procedure
+from identification.diagnosis import explaining, procedure
 from identification.diagnosis.naming import Named, converged
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.judge import Mistakes, mistakes_in
@@ -43,7 +43,8 @@ SHOWN = MEASUREMENT[4]
 def mutated(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> list[str]:
     """What the suite says of SHOWN with parts of the procedure replaced; nothing is kept of this run."""
     for name, value in changes.items():
-        monkeypatch.setattr(procedure, name, value)
+        for part in (explaining, procedure):
+            monkeypatch.setattr(part, name, value, raising=part is procedure)
     return complaints(run_anew(SHOWN.seed, (SHOWN.hidden,)))
 
 
@@ -98,10 +99,11 @@ def test_what_chance_does_now_and_then_gets_no_name(
         found = real(fitted, *arguments)
         return found if fitted.terms else replace(found, p_value=p_value)
 
-    monkeypatch.setattr(procedure, "goodness_of_fit", by_chance)
     monkeypatch.setattr(procedure, "mistakes_in", lambda plain: mistakes)
-    monkeypatch.setattr(procedure, "converged", lambda *_: named)
-    monkeypatch.setattr(procedure, "strained", lambda _: strains)
+    monkeypatch.setattr(explaining, "converged", lambda *_: named)
+    for part in (explaining, procedure):
+        monkeypatch.setattr(part, "goodness_of_fit", by_chance)
+        monkeypatch.setattr(part, "strained", lambda _: strains)
     if far is not None:
         monkeypatch.setattr(procedure, "far_off", lambda _: far)
     if odds is not None:
