@@ -192,10 +192,16 @@ def _compared(predicted: Predicted) -> list[Finding]:
 
 
 def _of_rejected(model: IdentifiedModel, *, accepted: bool) -> list[Finding]:
-    """A model that its own measurements reject: Refused (CS1022), or a warning (CS1023) where it was asked for all the same."""
+    """A model that its own measurements reject: Refused (CS1022), or a warning (CS1023) where it was asked for all the same; of
+    one that leaves open which of several causes it is a warning (CS1027)."""
+    source = str(model.source) if model.source else None
+    if model.open_between:
+        return [Finding("CS1027", "warning", "the measurements that this model was made from fit several causes alike "
+                        f"({model.open_between}): the likeliest is carried, and what they differ by is in the sigmas",
+                        file=source, hint="compstiff design --add 3 MEASUREMENTS --diagnosis DIAGNOSIS plans loads that tell "
+                        "them apart")]
     if not model.rejected:
         return []
-    source = str(model.source) if model.source else None
     message = f"the measurements that this model was made from reject it ({model.rejected})"
     if not accepted:
         raise Refused(Finding("CS1022", "error", f"{message}: its predictions are off by more than they say", file=source,

@@ -61,6 +61,7 @@ def diagnose(
 
     from compstiff import diagnose, read_cell, read_measurements
     from identification.common.files import check_distinct, check_writable, json_bytes, write_whole
+    from identification.common.quantities import cause_words
 
     session.inputs += [cell_file, measurements_file]
     optional = [path for path in (extended, report) if path]
@@ -90,21 +91,27 @@ def diagnose(
     elif extended:
         model = diagnosis.extended()
         files[extended] = json_bytes(model.as_dict())
-        if not model.effects:
-            refuses = f"; correct refuses it ({model.rejected})" if model.rejected else ""
+        refuses = f"; correct refuses it ({model.rejected})" if model.rejected else ""
+        if diagnosis.verdict == "ambiguous" and diagnosis.judgement.carried is not None:
+            carried = cause_words(model.effects[0].label) if model.effects else "six springs alone"
+            session.say(f"{extended} carries the likeliest of these causes, {carried}; what the others would change is in its "
+                        f"covariance{refuses}")
+        elif not model.effects:
             session.say(f"{extended} is the model of six springs: no effect of the robot is named{refuses}")
     if report:
         from compstiff.writing import report as page_of
 
         files[report] = page_of(diagnosis).encode()
     write_whole(files, overwrite=session.overwrite, read=session.read)
-    unsettled = diagnosis.judgement.unsettled
-    following = call("correct", cell_file, "PART.mod", "--stiffness", extended, "--forces", "PART.forces.csv", "-o",
-                     "PART_corrected.mod") if extended in files and diagnosis.verdict in USABLE and not unsettled else ""
-    return Outcome(content, (*diagnosis.findings, *refused), diagnosis.lines(), next_step=following or (
-        f"warm the robot up, measure again, then {call('diagnose', cell_file, measurements_file, '-o', output, '--force')}"
-        if unsettled else _next_after(diagnosis.verdict, cell_file, measurements_file, output)),
-        exit_code=REFUSED if refused else DONE)
+    following = _next_after(diagnosis.verdict, cell_file, measurements_file, output)
+    if diagnosis.verdict == "named" and diagnosis.judgement.unsettled:
+        again = call("diagnose", cell_file, measurements_file, "-o", output, "--force")
+        following = f"warm the robot up, measure again, then {again}"
+    elif extended in files and diagnosis.verdict in USABLE:
+        following = call("correct", cell_file, "PART.mod", "--stiffness", extended, "--forces", "PART.forces.csv", "-o",
+                         "PART_corrected.mod")
+    return Outcome(content, (*diagnosis.findings, *refused), diagnosis.lines(), next_step=following,
+                   exit_code=REFUSED if refused else DONE)
 
 
 def _earlier(files: list[Path]) -> str:

@@ -206,6 +206,12 @@ def _candidates(cell: Cell, rng: np.random.Generator) -> tuple[Array, Indices]:
     return np.repeat(theta, 3, axis=0), np.tile(np.arange(3), len(theta)).astype(np.intp)
 
 
+def probing_rows(data: LoadTest) -> Measurements:
+    """Load cycles as large as the measured ones at random poses, always the same ones, beside which models are held."""
+    poses, axes = _candidates(data.cell, np.random.default_rng(0))
+    return candidate_rows(poses, axes, float(np.abs(data.rows.wrench[:, :3]).max()))
+
+
 def candidate_rows(poses: Array, axes: Indices, force: float) -> Measurements:
     """The rows of one load cycle at each pose (c, 6) along its base axis (c,); c * len(CYCLE) rows, nothing measured yet."""
     cycles = np.zeros((len(poses), len(CYCLE), 3))

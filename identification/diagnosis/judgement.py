@@ -51,6 +51,14 @@ class Cause(EffectInForce):
 
 
 @dataclass(frozen=True, eq=False)
+class Rival:
+    """A set of causes that explains the rows as well, fitted, and how likely it is."""
+
+    fitted: Posterior
+    probability: float
+
+
+@dataclass(frozen=True, eq=False)
 class Judgement:
     """What is wrong. plain: the fit without effects; extended: with the likeliest ones (the plain fit where none was
     found). detection: of the plain model, adequacy: of the extended one. causes, alternatives: see
@@ -63,7 +71,8 @@ class Judgement:
     one, all parameters and the noise's sizes integrated out, None where no cause is named. lost: sets of causes whose fit
     did not converge, which are no candidates. bad_rows: not among `rows`. thinning: how the rows of machined passes were
     averaged. share: how many of the rows were looked at, None: all. carried: the extended model with the laws of its
-    effects free within what real ones differ by, None where nothing is named: it is the one to use. swing: of weights that
+    effects free within what real ones differ by, or of an ambiguous answer the likeliest candidate so, None where there is
+    neither: it is the one to use; rivals: the other candidates. swing: of weights that
     hang, found in what the model leaves and allowed for in the rows' sigmas. visits: whether single visits fit the others;
     bad_visits: those that do not, not among `rows`; suspects: those that a sensor named for their pose explains as well.
     validation: the outliers among the validate rows. mistakes: those of the table or the cell file: the one where the
@@ -92,6 +101,7 @@ class Judgement:
     thinning: Thinning | None = None
     share: Share | None = None
     carried: Posterior | None = None
+    rivals: tuple[Rival, ...] = ()
     swing: Swing | None = None
     visits: VisitTest | None = None
     bad_visits: tuple[BadVisit, ...] = ()
@@ -125,7 +135,7 @@ class Judgement:
         """The judgement without its names, which are the nearest ones then; patterns: what is seen of the cause."""
         return replace(self, verdict="unknown", extended=self.plain, causes=(), companions=(), gain=None, next_loads=(),
                        alternatives=(*self.causes, *self.companions, *self.alternatives), robot_difference=None, withdrawn={},
-                       log_odds=None, law_differs=False, carried=None, mistakes=(), patterns=patterns)
+                       log_odds=None, law_differs=False, carried=None, rivals=(), mistakes=(), patterns=patterns)
 
     @property
     def dropped(self) -> tuple[str, int]:
@@ -144,8 +154,10 @@ class Judgement:
 
     @property
     def unsettled(self) -> bool:
-        """Whether the springs changed while they were measured, so that those told are not the ones to mill with."""
-        return any(term.effect.unsettles for term in self.extended.terms)
+        """Whether the springs changed while they were measured, or may have, so that those told are not the ones to mill
+        with."""
+        models = (self.extended, *(rival.fitted for rival in self.rivals), *((self.carried,) if self.carried else ()))
+        return any(term.effect.unsettles for model in models for term in model.terms)
 
     @property
     def rows(self) -> Measurements:

@@ -23,10 +23,16 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
     if verdict == "mistake":
         return [*checks[:1], Step("Write the file without the mistake, then diagnose it again:",
                                   call(*again, "--mend", "MENDED", "--force"))]
+    written = call(*again, "--extended", "stiffness_extended.json", "--force")
+    corrected = call("correct", cell, "PART.mod", "--stiffness", "stiffness_extended.json", "--forces", "PART.forces.csv",
+                     "-o", "PART_corrected.mod", "--report", "correct.html")
     if verdict == "ambiguous":
+        now = [] if diagnosis.judgement.carried is None or diagnosis.judgement.unsettled else [
+            Step("Or correct now: the file has the likeliest of them, and what the others would change is in its sigmas:",
+                 written), Step("Then correct a program with it:", corrected)]
         # The loads are what the command plans.
-        return [Step("Plan loads that tell them apart; measure them, add the rows, diagnose again:",
-                     call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", "-o", "more.csv")), *checks]
+        planned = call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", "-o", "more.csv")
+        return [Step("Plan loads that tell them apart; measure them, add the rows, diagnose again:", planned), *checks, *now]
     if verdict == "unknown":
         first = checks or [Step("Look at the residuals below: a pose, an axis or a time that stands out says where to look.")]
         return [*first, Step("If that does not settle it: plan loads that tell more causes apart, measure them, add the rows "
@@ -40,7 +46,4 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
     of_robot = any(term.effect.of_robot for term in diagnosis.judgement.extended.terms)
     return [*repeat, Step("Write the stiffness file that carries what the robot does:" if of_robot else
                  "It is the measurement, not the robot: it is taken out of the data. Write the stiffness file without it:",
-                 call(*again, "--extended", "stiffness_extended.json", "--force")),
-            Step("Then correct a program with it:",
-                 call("correct", cell, "PART.mod", "--stiffness", "stiffness_extended.json", "--forces", "PART.forces.csv",
-                      "-o", "PART_corrected.mod", "--report", "correct.html")), *checks]
+                 written), Step("Then correct a program with it:", corrected), *checks]

@@ -10,14 +10,14 @@ import numpy as np
 from identification.common.arrays import rms
 from identification.diagnosis.blocks import in_blocks
 from identification.diagnosis.detect import REPLICATES, Detection, goodness_of_fit
-from identification.diagnosis.discrimination import next_loads, rivals_of, robot_difference
+from identification.diagnosis.discrimination import Rivals, next_loads, rivals_of, robot_difference
 from identification.diagnosis.explained import explained
 from identification.diagnosis.explaining import INADEQUATE, SET_UP_ANEW, Explaining, strained
 from identification.diagnosis.extended_model import with_free_laws
 from identification.diagnosis.gain import gain
 from identification.diagnosis.gross import bad_rows, with_crowded
-from identification.diagnosis.judgement import Judgement
-from identification.diagnosis.naming import credible, inclusion, kindred, only_local, with_open_laws
+from identification.diagnosis.judgement import Judgement, Rival
+from identification.diagnosis.naming import CERTAIN, credible, inclusion, kindred, only_local, with_open_laws
 from identification.diagnosis.odds import (
     CERTAINLY,
     POSSIBLE,
@@ -311,8 +311,10 @@ class Procedure:
         if doubt and judgement.detection.p_value > self.alarm:
             return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in names[:NEAREST]})
         rivals = rivals_of(judgement.plain.data, seen, judgement.extended)
+        candidates = with_their_laws(rivals)
         return replace(judgement, verdict="ambiguous", alternatives=names, next_loads=next_loads(rivals, self.rng),
-                       robot_difference=robot_difference([model for model, _ in rivals.values()]))
+                       robot_difference=robot_difference([model for model, _ in rivals.values()]), rivals=candidates[1:],
+                       carried=candidates[0].fitted if candidates else None)
 
 
 def sound(judgement: Judgement) -> bool:
@@ -333,6 +335,15 @@ def least_odds(plain: Posterior) -> float:
     return THAN_SET_UPS if plain.components.setup > SET_UP_ANEW else CERTAINLY
 
 
+def with_their_laws(rivals: Rivals) -> tuple[Rival, ...]:
+    """The candidates that hold CERTAIN of the probability together, the likeliest first, each with the laws of its effects
+    free."""
+    held = np.cumsum([probability for _, probability in rivals.values()])
+    few = list(rivals.values())[:np.count_nonzero(held < CERTAIN * held[-1:]) + 1]
+    total = sum(probability for _, probability in few)
+    return tuple(Rival(with_free_laws(model), probability / total) for model, probability in few)
+
+
 def nearly_all(plain: Posterior, extended: Posterior) -> bool:
     """Whether a gross misfit of the plain model has its cause in the extended one, though not its exact law."""
     share = explained(plain, extended)
@@ -346,5 +357,5 @@ def beside(judgement: Judgement, mistakes: Mistakes, physics: float) -> Judgemen
     if not rivals or len(rivals) + len(causes) < 2:
         return judgement
     likelier = len(rivals) > 1 and max(each.candidate.log_posterior for each in rivals) > physics + RIVAL
-    return replace(judgement, verdict="ambiguous", mistakes=rivals, causes=(), companions=(), gain=None, carried=None,
-                   withdrawn={}, alternatives=() if likelier else causes)
+    return replace(judgement, verdict="ambiguous", mistakes=rivals, causes=(), companions=(), gain=None, withdrawn={},
+                   alternatives=() if likelier else causes, carried=None, rivals=())

@@ -105,6 +105,14 @@ class IdentifiedModel:
         return f"{probability}{check.get('seen') or 'it does not explain them'}"
 
     @property
+    def open_between(self) -> str:
+        """The causes that the measurements it was made from cannot tell apart, in words: the likeliest of them is in the model,
+        the others in its covariance; "" where there are none."""
+        check = self.fit.get("model_check")
+        seen = check.get("seen") if isinstance(check, dict) and self.fit.get("diagnosis") == "ambiguous" else None
+        return seen if isinstance(seen, str) and not self.rejected else ""
+
+    @property
     def log_std(self) -> Array:
         """Standard deviation of ln k (6,)."""
         return np.sqrt(np.diag(self.covariance)[SPRINGS])

@@ -1,78 +1,86 @@
-"""What a named cause leaves open that no row shows is in the springs' intervals."""
+"""The covariance and the intervals of a model that stands for several: those of drawing a candidate by its probability, and its
+parameters from its own posterior."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from identification.diagnosis.replicates import FittedNoise
-from identification.fit.discrepancy import discrepancies, other_ways
-from identification.fit.fitted_model import Term, with_terms
+from identification.diagnosis.judgement import Rival
+from identification.diagnosis.left_open import RobotPart, left_open
+from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import VarianceComponents, residual_std, sensor_sigma
-from identification.fit.posterior import posterior
+from identification.fit.posterior import Posterior, posterior
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.effects import effects
-from tests.desk_world import desk
+from tests.virtual_cell.cell import simulate
 
 
-def load_test(folder: Path) -> LoadTest:
-    cell_file, table = desk(1000, None).write(folder)
-    cell = read_cell(cell_file)
-    return LoadTest.of(cell, read_measurements(table, cell.robot))
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> LoadTest:
+    cell_path, rows_path = simulate(94100, "ladder12").write(tmp_path_factory.mktemp("left_open"))
+    cell = read_cell(cell_path)
+    return LoadTest.of(cell, read_measurements(rows_path, cell.robot))
 
 
-@pytest.mark.parametrize("axis", range(3))
-def test_one_axis_that_is_off_leaves_the_mean_of_all_three_open(tmp_path: Path, axis: int) -> None:
-    """Of an axis that is off by 12 % the mean is off by 4 %: about one standard deviation, whichever axis it is."""
-    data, effect = load_test(tmp_path), effects()["force_axis_gain"]
-    gain = 0.12 * (np.eye(3)[axis] - 1 / 3)
-    rows = data.load_state(1 / data.cell.prior.stiffness)
-    named = Term(effect, None, gain[:2], effect.typical(rows, None), effect.neutral(rows))
-    (common,) = discrepancies(rows, (named,))
-    assert common.effect.name == "force_gain"
-    (std,) = with_terms(data.prior, (common,)).term_std
-    assert 0.8 * 0.04 < std < 1.6 * 0.04
-    alone, beside = posterior(data, (named,)), posterior(data, (named, common))
-    known, left_open = (np.sqrt(np.diag(fit.laplace))[:6] for fit in (alone, beside))
-    assert known.min() < 0.01
-    np.testing.assert_allclose(left_open, np.hypot(known, std), rtol=0.15)
+@pytest.fixture(scope="module")
+def carried(data: LoadTest) -> Posterior:
+    return posterior(data)
 
 
-def test_a_structure_may_stiffen_by_a_good_quarter_of_what_it_gives(tmp_path: Path) -> None:
-    """docs/effects.md: by 28 %, 1 sigma of all ways together."""
-    data, effect = load_test(tmp_path), effects()["base_rocking"]
-    rows = data.load_state(1 / data.cell.prior.stiffness)
-    typical = effect.typical(rows, None)
-    term = Term(effect, None, typical, typical, effect.neutral(rows))
-    sight: Any = SimpleNamespace(whitened=lambda moved: moved)
-    given = np.linalg.norm(effect.contribution(rows, None, typical)[:, :3], axis=1)
-    ways = np.sqrt(np.sum(other_ways(rows, sight, (term,)) ** 2, axis=(1, 2)))
-    assert np.median(ways[given > 0] / given[given > 0]) == pytest.approx(0.28, rel=0.05)
-    assert effect.stiffens
+@pytest.fixture(scope="module")
+def softer(data: LoadTest) -> Posterior:
+    """The same readings, one and a half per cent larger: every spring is softer by as much."""
+    return posterior(data.with_rows(replace(data.rows, deflection=1.015 * data.rows.deflection)))
 
 
-def test_noise_of_a_fit_is_drawn_about_what_was_fitted() -> None:
-    """However little the rows tell of a part: to between a twelfth and four and a half times of it."""
-    sizes: list[np.ndarray] = []
-    model: Any = SimpleNamespace(draw=lambda values, weight, rng: sizes.append(values))
-    fitted = VarianceComponents(sensor=2.0, setup=0.5, memory=1.0)
-    FittedNoise(model, fitted, 25.0 * np.eye(6), np.ones(3)).draw(np.random.default_rng(1), 500)
-    share = sizes[0] / np.exp(fitted.logs)
-    np.testing.assert_allclose([share.min(), share.max()], [0.082, 4.48], rtol=2e-3)
+def drawn(model: Posterior, count: int, rng: np.random.Generator) -> np.ndarray:
+    return rng.multivariate_normal(model.mean[:6], model.covariance[:6, :6], count)
 
 
-def test_what_a_visit_may_do_beside_is_in_its_readings_sigmas(tmp_path: Path) -> None:
-    """Variances add: of 3 sigma of the sensor along x and 4 along y, in quadrature with all else."""
-    data = load_test(tmp_path)
-    compliance, components = 1 / data.cell.prior.stiffness, VarianceComponents()
-    further = np.zeros((len(data.rows), 3, 2))
-    further[:, 0, 0], further[:, 1, 1] = 3.0, 4.0
-    alone = residual_std(data, components, compliance)
-    beside = residual_std(data, components, compliance, further)
-    np.testing.assert_allclose(beside, np.hypot(alone, sensor_sigma(data) * [3.0, 4.0, 0.0]), rtol=1e-12)
+def test_it_is_that_of_drawing_a_candidate_by_its_probability(carried: Posterior, softer: Posterior) -> None:
+    """Springs against springs: what one predicts the other's parameters can say."""
+    rng, share = np.random.default_rng(94101), 0.3
+    covariance, interval = left_open(RobotPart.of(carried), [Rival(softer, share)])
+    x = np.concatenate([drawn(carried, 70_000, rng), drawn(softer, 30_000, rng)])
+    off = x - carried.mean[:6]
+    expected = off.T @ off / len(off)
+    sigma = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(covariance / np.outer(sigma, sigma), expected / np.outer(sigma, sigma), atol=0.04)
+    assert np.abs((interval - np.quantile(x, [0.025, 0.975], axis=0).T) / sigma[:, None]).max() < 0.1
+    assert np.linalg.eigvalsh(covariance).min() > 0
+
+
+def test_without_rivals_it_is_its_own(carried: Posterior) -> None:
+    covariance, interval = left_open(RobotPart.of(carried), ())
+    np.testing.assert_array_equal(covariance, carried.covariance)
+    np.testing.assert_array_equal(interval, carried.draws.interval(0.95))
+
+
+def test_candidates_that_predict_the_same_leave_nothing_open_however_their_springs_differ(
+    data: LoadTest, carried: Posterior,
+) -> None:
+    """The tilt of wrist bearing 5 is that of 4 with another spring of joint 4 (docs/effects.md)."""
+    tilts = {}
+    for joint, compliance in ((4, 2e-7), (5, 2e-7)):
+        effect = effects()["bearing_tilt"]
+        neutral = effect.neutral(carried.load_state)
+        term = Term(effect, joint, neutral, effect.typical(carried.load_state, joint), neutral + compliance)
+        tilts[joint] = posterior(data, (term,), carried)
+    one, other = tilts[4], tilts[5]
+    apart = abs(one.mean[3] - other.mean[3])
+    covariance, interval = left_open(RobotPart.of(one), [Rival(other, 0.5)])
+    rows = data.with_rows(data.rows.select(np.any(data.rows.wrench != 0, axis=1)))
+    at_one, slopes = RobotPart.of(one).seen(rows)
+    at_other, _ = RobotPart.of(other).seen(rows)
+    spread = np.sqrt(np.einsum("np,pq,nq->n", slopes, covariance, slopes).mean())
+    own = np.sqrt(np.einsum("np,pq,nq->n", slopes, one.covariance, slopes).mean())
+    assert np.sqrt(np.mean((at_one - at_other) ** 2)) < 2 * own
+    assert spread < 3 * own
+    # The stiffness of joint 4 is another for each, and its interval holds both.
+    assert apart > 3 * np.sqrt(one.covariance[3, 3])
+    assert interval[3, 0] < one.mean[3] < interval[3, 1]
+    assert interval[3, 0] < other.mean[3] < interval[3, 1]

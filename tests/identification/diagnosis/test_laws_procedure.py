@@ -95,6 +95,7 @@ class Named:
     companions: tuple[str, ...] = ("a companion",)
     gain: float | None = 0.3
     carried: float | None = 1.0
+    rivals: tuple[Any, ...] = ()
     withdrawn: dict[str, str] | None = None
 
 
