@@ -67,8 +67,8 @@ class Judgement:
     unknown cause. robot_difference: by how much [m, RMS] the rivals (or the laws that a cause leaves open) differ in what
     the robot does under the largest load, None where nothing is open. left_out: effects these rows cannot show, and why.
     law_differs: the causes explain nearly all of the misfit, and what is left is still more than noise. withdrawn: names
-    that were all but given, and what spoke against each. log_odds: ln odds of the named model against the plain
-    one, all parameters and the noise's sizes integrated out, None where no cause is named. lost: sets of causes whose fit
+    that were all but given, and what spoke against each. log_odds: ln odds of the named model, or of the likeliest of an
+    ambiguous answer, against the plain one, all parameters and the noise's sizes integrated out. lost: sets whose fit
     did not converge, which are no candidates. bad_rows: not among `rows`. thinning: how the rows of machined passes were
     averaged. share: how many of the rows were looked at, None: all. carried: the extended model with the laws of its
     effects free within what real ones differ by, or of an ambiguous answer the likeliest candidate so, None where there is

@@ -307,13 +307,18 @@ class Procedure:
         names = credible(seen, best)
         if len(names) < 2:
             return self.unknown(judgement, seen, judgement.detection)
-        doubt = doubt_of(judgement.detection, log_odds(judgement, len(seen.dictionary.entries)))
-        if doubt and judgement.detection.p_value > self.alarm:
-            return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in names[:NEAREST]})
+        odds = log_odds(judgement, len(seen.dictionary.entries))
+        if judgement.detection.p_value > self.alarm:
+            least = np.inf if only_local(seen, best) else least_odds(judgement.plain)
+            doubt = doubt_of(judgement.detection, odds, least) or doubt_by(
+                judgement.detection, gain(self.data, judgement.plain, judgement.extended, self.rng))
+            if doubt:
+                return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in names[:NEAREST]})
         rivals = rivals_of(judgement.plain.data, seen, judgement.extended)
         candidates = with_their_laws(rivals)
-        return replace(judgement, verdict="ambiguous", alternatives=names, next_loads=next_loads(rivals, self.rng),
-                       robot_difference=robot_difference([model for model, _ in rivals.values()]), rivals=candidates[1:],
+        difference = robot_difference([model for model, _ in rivals.values()])
+        return replace(judgement, verdict="ambiguous", alternatives=names, log_odds=odds, robot_difference=difference,
+                       next_loads=next_loads(rivals, self.rng), rivals=candidates[1:],
                        carried=candidates[0].fitted if candidates else None)
 
 

@@ -183,7 +183,8 @@ def answer(judgement: Judgement) -> list[str]:
     lines += [*_beside_the_names(judgement), *_overlooked(judgement)]
     decades = _decades(judgement)
     if decades is not None and judgement.detection.p_value > NAMING:
-        lines.append("  a noise large enough would show as much (p above); with how large noise usually is the name is "
+        name = "the name" if judgement.verdict == "named" else "the likeliest of them"
+        lines.append(f"  a noise large enough would show as much (p above); with how large noise usually is {name} is "
                      f"{f'10^{decades:.0f}' if decades < CERTAIN else f'over 10^{CERTAIN}'} times likelier than nothing")
     lines += [f"  {needed(part, factor)}" for part, factor in judgement.scatter.items()]
     if judgement.gain is not None:

@@ -34,7 +34,7 @@ class Said:
     (1.0, 0.2, 0.0, Said("mistake"), "adequate"), (1.4, 0.6, 0.0, Said("mistake"), "mistake"),
     (1.4, 0.6, 0.0, Said("named"), "unknown"),
     (1.0, 0.2, 0.0, Said("named", 3.0), "adequate"), (1.0, 0.2, 0.0, Said("named", 7.0), "named"),
-    (1.4, 0.2, 0.0, Said("named", 7.0), "named"),
+    (1.4, 0.2, 0.0, Said("named", 7.0), "named"), (1.0, 0.2, 0.0, Said("ambiguous", 7.0), "ambiguous"),
     (1.0, 0.04, 0.0, Said("mistake"), "mistake"), (1.0, 0.6, 0.0, Said("named", 9.0), "adequate"),
     (1.0, 0.6, 4.0, Said("named", 5.0), "named"), (1.0, 0.6, 4.0, Said("named", 4.0), "adequate"),
     (1.0, 0.6, 4.0, Said("mistake"), "mistake"), (1.0, 0.6, 2.0, Said("mistake"), "adequate")])
@@ -110,6 +110,55 @@ def test_causes_stand_beside_mistakes_that_are_about_as_likely(first: float, kep
     else:
         assert (found.verdict, found.causes, found.mistakes) == ("ambiguous", (), mistakes)
         assert found.alternatives == (("a cause",) if kept else ())
+
+
+@dataclass(frozen=True)
+class Open:
+    """A judgement with a misfit, as far as a set of names asks."""
+
+    detection: Any
+    extended: Any = None
+    plain: Any = None
+    verdict: str = ""
+    alternatives: tuple[Any, ...] = ()
+    withdrawn: dict[str, str] | None = None
+    next_loads: tuple[Any, ...] = ()
+    robot_difference: float | None = None
+    patterns: tuple[str, ...] = ()
+    law_differs: bool = False
+    log_odds: float | None = None
+    rivals: tuple[Any, ...] = ()
+    carried: Any = None
+
+
+@pytest.mark.parametrize(("p_value", "odds", "support", "local", "verdict"), [
+    (0.02, -1.0, -9.0, False, "ambiguous"), (0.2, 7.0, 4.0, False, "ambiguous"), (0.2, 6.8, 4.0, False, "unknown"),
+    (0.2, 7.0, 2.0, False, "unknown"), (0.2, 50.0, 50.0, True, "unknown")])
+def test_several_names_without_an_alarm_need_what_one_needs(
+    monkeypatch: pytest.MonkeyPatch, p_value: float, odds: float, support: float, local: bool, verdict: str,
+) -> None:
+    """A thousand to one against nothing (ln 6.9), and readings that were not fitted twenty times likelier (ln 3); what touches
+    one pose alone an alarm. The likeliest goes on, with the others beside that have 95 % together with it."""
+    names = tuple(SimpleNamespace(label=label) for label in "abcd")
+    fits = {label: (label, share) for label, share in zip("abcd", (0.5, 0.3, 0.16, 0.04), strict=True)}
+    for name, answer in (("credible", names), ("inclusion", names), ("only_local", local), ("log_odds", odds),
+                         ("gain", SimpleNamespace(support=support, held_out="poses")), ("rivals_of", fits),
+                         ("next_loads", ()), ("robot_difference", 1e-6)):
+        monkeypatch.setattr(procedure, name, lambda *of, answer=answer: answer)
+    monkeypatch.setattr(procedure, "with_free_laws", lambda model: f"{model} with its laws")
+    seen: Any = SimpleNamespace(dictionary=SimpleNamespace(entries=range(90)))
+    judgement: Any = Open(SimpleNamespace(p_value=p_value, resolution=0.005, seen_patterns=()),
+                          SimpleNamespace(terms=("a",)), SimpleNamespace(components=VarianceComponents(), data=None))
+    nothing: Any = None
+    found: Any = Procedure(nothing, {}, 0.05, 10, 0).ambiguous(judgement, seen, nothing)
+    assert found.verdict == verdict
+    if verdict == "ambiguous":
+        assert found.log_odds == odds
+        assert found.carried == "a with its laws"
+        assert [rival.fitted for rival in found.rivals] == ["b with its laws", "c with its laws"]
+        assert [rival.probability for rival in found.rivals] == pytest.approx([0.3 / 0.96, 0.16 / 0.96])
+    else:
+        assert found.carried is None
 
 
 def test_each_cause_that_is_drawn_has_room_for_its_words() -> None:
