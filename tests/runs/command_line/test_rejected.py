@@ -49,6 +49,34 @@ def test_a_rejected_file_is_refused_unless_told(tmp_path: Path) -> None:
     assert any(finding["code"] == "CS1023" for finding in record["findings"])
 
 
+def test_what_is_open_is_said_and_does_not_stop_a_correction(tmp_path: Path) -> None:
+    """The tilt of one wrist bearing or of its neighbour (docs/effects.md): the likeliest goes on, and every file says so."""
+    cell, rows = simulate(1, "ladder12", (Hidden("bearing_tilt", 4, 2.0),)).write(tmp_path)
+    extended = tmp_path / "extended.json"
+    done = compstiff("diagnose", cell, rows, "-o", tmp_path / "d.json", "--extended", extended, "--report", tmp_path / "d.html",
+                     "--replicates", "39")
+    assert done.returncode == 0, done.stderr
+    assert "ambiguous: these data cannot tell apart" in done.stdout
+    assert "carries the likeliest of these causes, bearing tilt of joint" in done.stderr
+    assert "correct refuses" not in done.stderr
+    content = json.loads(extended.read_text())
+    assert content["fit"]["model_check"]["rejected"] is False
+    assert all(parameter["grade"] != "reliable" for parameter in content["parameters"][:6])
+    assert "Or correct now" in (tmp_path / "d.html").read_text()
+
+    # The sample's file as such a diagnosis would have written it.
+    stiffness = tmp_path / "stiffness.json"
+    assert compstiff("identify", SAMPLES / "cell.yaml", SAMPLES / "measurements.csv", "-o", stiffness).returncode == 0
+    told = json.loads(stiffness.read_text())
+    told["fit"] |= {"diagnosis": "ambiguous", "model_check": content["fit"]["model_check"]}
+    stiffness.write_text(json.dumps(told))
+    corrected = compstiff("correct", SAMPLES / "cell.yaml", SAMPLES / "insert.mod", "--stiffness", stiffness, "--tare", "0:2",
+                          "--forces", SAMPLES / "insert.forces.parquet", "-o", tmp_path / "part.mod")
+    assert corrected.returncode == 0, corrected.stderr
+    assert "CS1027" in corrected.stderr
+    assert "bearing tilt of joint 4 or bearing tilt of joint 5" in corrected.stderr
+
+
 def test_a_small_mistake_that_passes_for_set_ups_is_said(tmp_path: Path) -> None:
     """Four degrees: the noise takes it for forces that were set up anew at each visit, and nothing is left to see."""
     identified = compstiff("identify", SAMPLES / "cell.yaml", turned(tmp_path, 4), "-o", tmp_path / "stiffness.json")
