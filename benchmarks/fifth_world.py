@@ -40,8 +40,9 @@ def sized(cause: Cause, one: Trial, seed: int, target: float) -> float | None:
     return None
 
 
-def case(cause: Cause, rng: np.random.Generator) -> tuple[Trial, Hidden, float, float]:
-    """A test in which this cause can be seen, what is hidden in it, its size, and by how many sigmas it shows."""
+def case(cause: Cause, rng: np.random.Generator) -> tuple[Trial, Hidden, float, float, int]:
+    """A test in which this cause can be seen, what is hidden in it, its size, by how many sigmas it shows, and the seed that
+    the cause was made with."""
     while True:
         one = trial(str(rng.choice(ARMS)), str(rng.choice(cause.designs)), INSTRUMENTS[rng.integers(len(INSTRUMENTS))], rng)
         target, seed = float(np.exp(rng.uniform(np.log(4), np.log(30)))), int(rng.integers(2**31))
@@ -50,7 +51,7 @@ def case(cause: Cause, rng: np.random.Generator) -> tuple[Trial, Hidden, float, 
             if size is None:
                 continue
             hidden = cause.make(np.random.default_rng(seed), one, size)
-            return one, hidden, size, visible(one, table_of(one, hidden, np.random.default_rng(seed), False))
+            return one, hidden, size, visible(one, table_of(one, hidden, np.random.default_rng(seed), False)), seed
         except ArithmeticError:
             continue
 
@@ -86,7 +87,7 @@ def made(count: int, seed: int, folder: Path) -> Iterator[dict[str, Any]]:
     """Write the cases, one after the other; each has a generator of its own."""
     for n, cause in enumerate(deck(count, np.random.default_rng(seed))):
         rng = np.random.default_rng([seed, n])
-        one, hidden, size, sigmas = case(cause, rng)
+        one, hidden, size, sigmas, _ = case(cause, rng)
         truth = {"cause": cause.name, "of": cause.of, **hidden.told, "size": float(size), "sigmas": round(sigmas, 1),
                  "robot": one.robot, "design": one.design, "instrument": one.instrument.name, "seed": [seed, n],
                  "stiffness_nm_per_rad": [float(k) for k in one.stiffness]}

@@ -100,7 +100,7 @@ def test_what_had_been_noise_or_another_gear_is_named(
     clamp that most visits begin at the same end."""
     cause = next(islice(deck(count, np.random.default_rng(seed)), number, None))
     rng = np.random.default_rng([seed, number])
-    one, hidden, _, _ = case(cause, rng)
+    one, hidden, _, _, _ = case(cause, rng)
     written(one, table_of(one, hidden, rng), sheet_of(one, rng), {"cause": cause.name}, tmp_path / "case")
     cell = compstiff.read_cell(tmp_path / "case" / "cell.yaml")
     found = compstiff.diagnose(cell, compstiff.read_measurements(tmp_path / "case" / "measurements.csv", cell))
