@@ -38,9 +38,10 @@ FEW, STILL = 3, 0.5
 # Share of the squared readings that no springs explain, beyond the stated noise, from which one mistake is looked for that
 # leaves this part of it; it is told without one, too. Physical causes leave under 0.05: benchmarks/mistakes.py look.
 UNEXPLAINED, LEFT = 0.1, 0.25
-# Mistakes that leave up to so many times what the best leaves, or this part of what is left as the rows stand, are not told apart.
+# Mistakes that leave up to so many times what the best leaves, or this part of what the rows leave as they stand, are not
+# told apart.
 ALIKE, NEARLY = 1.5, 0.01
-# Rows that fit no springs which fit the others matter where without them this part of what is left is left: a cause leaves more.
+# Rows that fit no springs which fit the others matter where, without them, at most this part is left: a cause leaves more.
 MATTERS = 0.5
 
 
@@ -65,7 +66,7 @@ def first_look(data: LoadTest) -> Finding | None:
     # One that is made in all rows mends them better than to leave out those that fit the others least.
     if usual and usual[0].left <= max(rest if matters else left, NEARLY * left):
         said.append(usual[0].mistake.sentence.format(rows="all rows") + f": as they stand {left:.0%} of the readings fit no "
-                    "springs")
+                    f"springs, so mended {max(usual[0].left, 0.0):.2%}")
         settles.append(usual[0].mistake.settles)
     elif matters:
         every = int(np.ceil(loaded / ENOUGH))
@@ -87,8 +88,8 @@ def _said_of_rows(data: LoadTest, left: float, rest: float, odd: NDArray[np.bool
     alike = [one.mistake for one in usual if one.left < max(ALIKE * usual[0].left, NEARLY * left)]
     if not alike:
         return (f"{words} fit no springs that fit the others: with them {left:.1%} of the readings fit none, without them "
-                f"{max(rest, 0.0):.1%}", "was something in these rows moved, read or typed otherwise, or does something else than "
-                "springs give way there? compstiff diagnose looks for it")
+                f"{max(rest, 0.0):.1%}", "was something in these rows moved, read or typed otherwise, or does something else "
+                "than springs give way there? compstiff diagnose looks for it")
     more = f" (or {counted(len(alike) - FEW, 'more mistake')} would mend them as well)" if len(alike) > FEW else ""
     said = ", or ".join(one.sentence.format(rows="them").replace(", in", " in") for one in alike[:FEW])
     return f"{words} fit no springs that fit the others: {said}{more}", alike[0].settles

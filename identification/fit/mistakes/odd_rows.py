@@ -1,4 +1,4 @@
-"""Rows of a table of load tests that fit no springs which fit the others: told without a fit, from half of the rows on less."""
+"""Rows of a table of load tests that fit no springs which fit the others: told without a fit."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ Rows = NDArray[np.bool_]
 # leave of a reading is less (engineering judgement, held against benchmarks/mistakes.py look). Small readings are measured
 # by this part of the middle one, and by so many sigmas.
 OFF, SMALL, SIGMAS = 0.5, 0.5, 10.0
-# The share from which a row counts little for the springs, from loose to tight: so the likeliest of several sets of springs that
-# each fit a part of the rows wins, wherever the first fit of all rows stood.
+# The share from which a row counts little for the springs, from loose to tight: so the likeliest of several sets of springs,
+# which each fit a part of the rows, wins wherever the first fit of all rows stood.
 SHARES = (2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1, 0.1, 0.1)
 # Fewer rows than these fit springs of their own, and of more than this share none are told from the others.
 FEWEST, MOST = 4, 0.5
