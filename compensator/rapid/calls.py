@@ -8,7 +8,7 @@ a way of its own that the program may go, and WHILE is one turn (the cell that w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from compensator.rapid.blocks import DEEPEST, Arm, Block, Fork, Loop, Routine, Step, end_routines
@@ -34,9 +34,12 @@ MOST_BLOCKS, LONGEST_TURN = 100_000, 1000
 LATE = ("%", "callbyvar")
 
 
-def runs_of(routines: Sequence[Routine], count: int, values: Values, parameters: Mapping[str, Sequence[Parameter]]) -> Runs:
+def runs_of(
+    routines: Sequence[Routine], count: int, values: Values, parameters: Mapping[str, Sequence[Parameter]],
+    elsewhere: Container[int] = ()
+) -> Runs:
     """How the program drives its `count` targets: from its routine main, or from all routines that no other calls but those of
-    traps."""
+    traps. elsewhere: offsets of calls of another file's routines that drive."""
     end_routines(routines, count)
     numbers = {routine.name: number for number, routine in reversed(list(enumerate(routines)))}
     called = {numbers[step.name] for routine in routines for step in routine.steps
@@ -46,7 +49,7 @@ def runs_of(routines: Sequence[Routine], count: int, values: Values, parameters:
     roots = [main] if main in roots else roots
     variables = Variables(values, routines, parameters)
     moving = _moving(routines, numbers)
-    run = _Run(routines, numbers, moving, variables, count)
+    run = _Run(routines, numbers, moving, variables, count, elsewhere=elsewhere)
     run.drive_all(roots)
     # A function is called where its value is asked for, which is not looked at.
     asked = any(routine.kind == "func" and routine.stop > routine.first for routine in routines)
@@ -54,7 +57,8 @@ def runs_of(routines: Sequence[Routine], count: int, values: Values, parameters:
     if len(numbers) < len(routines) or asked:
         return Runs(tuple(run.driven), count, uncounted=tuple(sorted(uncounted)))
     try:
-        ways = _ways(lambda choices: _Run(routines, numbers, moving, variables, count, choices, uncounted=uncounted), roots)
+        ways = _ways(lambda choices: _Run(routines, numbers, moving, variables, count, choices, elsewhere=elsewhere,
+                                          uncounted=uncounted), roots)
     except _Open as stopped:
         return Runs(tuple(run.driven), count, open=stopped.many, unsettled=stopped.start, uncounted=tuple(sorted(uncounted)))
     return Runs(tuple(run.driven), count, ways, uncounted=tuple(sorted(uncounted)))
@@ -112,6 +116,7 @@ class _Run:
     variables: Variables
     count: int
     choices: tuple[int, ...] | None = None
+    elsewhere: Container[int] = ()
     displaced: bool = False
     soft: bool = False
     calls: int = 0
@@ -290,8 +295,9 @@ class _Run:
         self.variables.skip(block, scope)
 
     def _uncounted(self, step: Step) -> bool:
-        """Whether a step drives along targets that are not counted, such as TriggL."""
-        return step.kind == "call" and step.name not in self.numbers and bool(MOTION.fullmatch(step.name))
+        """Whether a step drives along targets that are not counted, such as TriggL, or a routine of another file."""
+        return step.kind == "call" and step.name not in self.numbers and (
+            bool(MOTION.fullmatch(step.name)) or step.start in self.elsewhere)
 
     def _open_loops(self) -> int:
         """How many loops of the program may have such turns."""

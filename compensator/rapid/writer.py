@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -236,10 +237,15 @@ def _add_declarations(job: _Job, row: int, texts: dict[int, Written], names: New
     for text, targets in groups.items():
         name = names.make(declared_name(source, declaration))
         modules = {scan.scopes[int(np.searchsorted(firsts, target, side="right")) - 1][1].module for target in targets}
-        alone = declaration.scope.routine < 0 and modules == {declaration.scope.module} and not job.shared
+        # A target that a call hands over stands with the call, which may be in another module than the routine.
+        where = {bisect_right(scan.modules, scan.start[target]) for target in targets}
+        apart = where != {bisect_right(scan.modules, declaration.start)}
+        # A reference refers to data of the same kind.
+        storage = declaration.storage.upper() if scan.referred.intersection(targets) else "CONST"
+        alone = declaration.scope.routine < 0 and modules == {declaration.scope.module} and not (apart or job.shared)
         local = b"LOCAL " if alone else b""
         spelled = name.encode(source.encoding)
-        job.edits.append((offset, offset, before + local + b"CONST robtarget " + spelled + b":=" + text + b";"))
+        job.edits.append((offset, offset, before + local + storage.encode() + b" robtarget " + spelled + b":=" + text + b";"))
         job.edits += [(scan.start[target], scan.end[target], spelled) for target in targets]
         job.declarations += 1
         job.numbers += texts[targets[0]].changed
