@@ -274,8 +274,8 @@ def _others(scan: Scan, places: Places) -> list[Finding]:
         elsewhere.setdefault(name, []).append(offset)
     findings += [
         places.offset("CS2016", "warning", f"{name} is a routine of another file, and is given a target: where it drives is "
-                      "not known, and nothing of it is counted or corrected", at, "put the routine into this file if it is to be "
-                      "corrected; a log by path length cannot be followed behind it, one by target or positions can")
+                      "not known, and nothing of it is counted or corrected", at, "put the routine into this file if it is to "
+                      "be corrected; a log by path length cannot be followed behind it, one by target or positions can")
         for name, at in elsewhere.items()]
     if len(scan.modules) > 1:
         findings.append(places.offset(
