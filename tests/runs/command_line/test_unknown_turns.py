@@ -23,6 +23,7 @@ def levels(result: kit.Result, code: str) -> list[str]:
 @pytest.mark.parametrize("body", [
     "A FOR i FROM 1 TO GInput(giPasses) DO AWAY ENDFOR B",
     "nTurn:=GInput(giPasses); A WHILE nTurn>0 DO AWAY nTurn:=nTurn-1; ENDWHILE B",
+    "A WHILE DInput(diMore)=1 DO AWAY ENDWHILE B",
 ])
 def test_the_log_tells_how_often_a_loop_was_driven(tmp_path: Path, body: str, turns: int, key: str) -> None:
     path = Path3(np.array(POINTS, dtype=float))
