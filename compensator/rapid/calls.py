@@ -59,8 +59,8 @@ def runs_of(
     if len(numbers) < len(routines) or asked:
         return Runs(tuple(run.driven), count, uncounted=tuple(sorted(uncounted)))
     try:
-        ways = _ways(lambda choices: _Run(routines, numbers, moving, variables, count, choices, elsewhere=elsewhere, total=total,
-                                          uncounted=uncounted), roots)
+        ways = _ways(lambda choices: _Run(routines, numbers, moving, variables, count, choices, elsewhere=elsewhere,
+                                          total=total, uncounted=uncounted), roots)
     except _Open as stopped:
         return Runs(tuple(run.driven), count, open=stopped.many, unsettled=stopped.start, uncounted=tuple(sorted(uncounted)))
     return Runs(tuple(run.driven), count, ways, uncounted=tuple(sorted(uncounted)))
