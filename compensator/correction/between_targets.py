@@ -149,7 +149,7 @@ def _findings(looked_at: LookedAt, points: Indices, left: Array) -> tuple[Findin
     over = left > settings.tolerance + ROUNDING
     beside = grid.beside_zone[points]
     spacing = f"{1e3 * settings.min_spacing.length:g} mm or {1e3 * settings.min_spacing.time:g} ms (--min-spacing)"
-    near = grid.may[points] | grid.divisible[points]
+    near = grid.may[points] | grid.divisible[points] | grid.crowded[points]
     reasons: tuple[tuple[NDArray[np.bool_], str, Level, str, str], ...] = (
         (over & beside, "CS3092", "warning", "the zone of a corner leaves no room for a target",
          "--tighten-zones makes zones smaller that cut corners in the cut"),

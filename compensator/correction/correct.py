@@ -161,7 +161,7 @@ def correct(planned: Predicted) -> Corrected:
     known = foreseen(predicted, cut, prediction)
     del prediction
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,
-                      correction.confdata)
+                      correction.confdata, shared=planned.settings.posting.split is not None)
     content, of_marks = written.content, tuple[Finding, ...]()
     if planned.settings.posting.mark:
         content, of_marks = with_marks(read_rapid(content, predicted.program.text.source.name), planned.settings.posting.mark)

@@ -43,7 +43,8 @@ class Grid:
     arcs among them as chords. owner (G,): the program's target that a point is, or, where it is a further one (G,), that whose
     move it belongs to. arcs (A, 2): the MoveC, by their first point and the points to their circle point.
     may (G,): points of lines that can be written as targets; divisible (G,): points of arcs that can be halved; beside_zone
-    (G,): points that may not, because they would make the zone of a corner smaller."""
+    (G,): points that may not, because they would make the zone of a corner smaller; crowded (G,): since they are nearer to a
+    target of the program than targets may stand."""
 
     toolpath: Toolpath
     owner: Indices
@@ -52,6 +53,7 @@ class Grid:
     may: Mask
     divisible: Mask
     beside_zone: Mask
+    crowded: Mask
 
     @cached_property
     def kept(self) -> Indices:
@@ -68,7 +70,7 @@ class Grid:
 class _Points:
     """Further points (n): the target they stand before (n,), at which share (n,) of the way from the target before that;
     position (n, 3) [m], quaternion (n, 4); whether each can be written as a target, is part of an arc that can be halved, or is
-    too near to a corner with a zone (n,)."""
+    too near to a corner with a zone, or to a target (n,)."""
 
     before: Indices
     share: Array
@@ -77,6 +79,7 @@ class _Points:
     may: Mask
     divisible: Mask
     beside_zone: Mask
+    crowded: Mask
 
 
 def spacing_of(toolpath: Toolpath, least: float, shortest: float) -> Array:
@@ -121,7 +124,7 @@ def fine_grid(
     divisible = placed(no, points.divisible)
     divisible[kept[:, 1]] = divisible[kept[:, 0] + 1]
     return Grid(_with_points(path, points, owner, further, kept[:, 1:].ravel()), owner, further, first,
-                placed(no, points.may), divisible, placed(no, points.beside_zone))
+                placed(no, points.may), divisible, placed(no, points.beside_zone), placed(no, points.crowded))
 
 
 def _around(moves: Indices, count: int) -> Indices:
@@ -174,7 +177,8 @@ def _on_lines(
     room = np.minimum(share, 1 - share) * step[before] >= FULL * spacing[before]
     return _Points(before, share, start + share[:, None] * (end - start),
                    _turned(toolpath.quaternion[before - 1], toolpath.quaternion[before], share),
-                   alone[before] & room & ~near, np.zeros(len(before), dtype=bool), alone[before] & room & near)
+                   alone[before] & room & ~near, np.zeros(len(before), dtype=bool), alone[before] & room & near,
+                   alone[before] & ~room)
 
 
 def _on_arc(
@@ -199,7 +203,7 @@ def _on_arc(
         points.append(_Points(
             np.full(count, via + half), share, _on_circle(start[0], centre[0], axis[0], angle),
             _turned(toolpath.quaternion[via - 1], toolpath.quaternion[via + 1], angle / sum(angles)),
-            np.zeros(count, dtype=bool), np.full(count, divisible), np.zeros(count, dtype=bool)))
+            np.zeros(count, dtype=bool), np.full(count, divisible), np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)))
     return points
 
 

@@ -3,7 +3,7 @@ with."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -27,6 +27,13 @@ LONGEST, SHARE = 0.5e-3, 1 / 16
 MOST_ASIDE = 5e-3
 # So many places that stay as they are are named.
 NAMED = 5
+# Steps that cut deeper than the edges are long by this are no rounding [m].
+DEEPER = 1e-6
+# Feeds a tooth, as parts of the cutter's diameter, and cutting speeds [m/s] beyond which no end mill is run: ten times what
+# catalogues have for the finest and the coarsest (engineering judgement).
+CHIPS, SPEEDS = (4e-4, 0.025), (0.05, 75.0)
+# A move that goes through the stock at so many times the feed of the others is no cut.
+FAST = 1.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +135,8 @@ class Cut:
         """What a user must know of it."""
         toolpath, found = self.path.toolpath, []
         source, stock = str(self.blank.source), self.left
-        found.append(Finding("CS4706", "note", f"{self.cutter.words()}; stock {stock.words()}", file=source))
+        found.append(Finding("CS4706", "note", f"{self.cutter.words()}; stock {stock.words()}; {self.line()}", file=source))
+        found += [*self._said_of_chips(), *self._said_of_fast_moves()]
         found += said_of_cutter(self.path.cell, toolpath.cutters)
         if not self.blank.stated:
             found.append(Finding("CS4707", "note", f"where the stock stands is taken to be known to "
@@ -141,7 +149,8 @@ class Cut:
                 int(lost[0]), "CS4708", "warning", f"the force of {counted(len(lost), 'target')} that may cut is not known and "
                 f"stays out (lines {where}{' ...' if len(lost) > NAMED else ''}): joint moves, plunges (down by over 5 "
                 "degrees, a bull-nose also up; a ball: down by over 60 on its tip), a tool that leans by over 1 degree (a "
-                "ball: by over 60, or that cuts above its ball), no feed, or a box that the stock file calls unknown",
+                "ball: by over 60, or that cuts above its ball), no feed, a cut deeper than the edges are long "
+                "(cutting.flute_mm), or a box that the stock file calls unknown",
                 "they stay where they are; log a pass to correct them too"))
         if toolpath.ways:
             by = "by the values in the file" if toolpath.ways[0].stated else "as if all of them were driven"
@@ -152,6 +161,38 @@ class Cut:
             found.append(Finding("CS4709", "warning", "the program touches its stock nowhere", file=source,
                                  hint="is the stock in the program's work object, in millimetres?"))
         return found
+
+
+    def _said_of_chips(self) -> list[Finding]:
+        """A warning (CS4748) where cutter, teeth and the spindle's speed make a chip or a speed that no end mill has."""
+        chip = self.track.chip[self.engagement.cuts]
+        if not np.isfinite(chip).any():
+            return []
+        middle, speed = float(np.nanmedian(chip)), 2 * np.pi * self.cutter.radius / self.revolution
+        part = middle / (2 * self.cutter.radius)
+        if CHIPS[0] <= part <= CHIPS[1] and SPEEDS[0] <= speed <= SPEEDS[1]:
+            return []
+        return [Finding(
+            "CS4748", "warning", f"a tooth takes {1e3 * middle:.3g} mm, {100 * part:.2g} % of the diameter, at {60 * speed:.0f}"
+            f" m/min: end mills take {100 * CHIPS[0]:g} to {100 * CHIPS[1]:g} % at up to {60 * SPEEDS[1]:g} m/min",
+            file=str(self.path.cell.source), hint="are spindle_rpm, cutting.teeth and cutting.tool_diameter_mm those of this "
+            "program, and its feeds mm/s?")]
+
+    def _said_of_fast_moves(self) -> list[Finding]:
+        """A warning (CS4749) where moves go through the stock much faster than the program cuts."""
+        feed, cuts = self.path.toolpath.feed, self.cuts
+        known = cuts & np.isfinite(feed)
+        if not known.any():
+            return []
+        own = self.path.toolpath.feed[self.track.move]
+        fast = self.engagement.cuts & (own > FAST * float(np.median(feed[known])))
+        moves = np.unique(self.track.move[fast])
+        if not len(moves):
+            return []
+        return [self.path.finding(
+            int(moves[0]), "CS4749", "warning", f"{counted(len(moves), 'move')} at {1e3 * float(feed[moves].max()):.4g} mm/s "
+            f"go through the stock, where the others cut at {1e3 * float(np.median(feed[known])):.4g}: moves of the air?",
+            "where does the stock stand in the program's work object, and how high is it?")]
 
 
 def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside: Array | None = None, step: float = 0.0) -> Cut:
@@ -183,8 +224,16 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     _check_near(blank, track, cutter)
     # Layers by the plan: what the tool yields moves it by less than a layer, and in that.
     planned = track if off is None else track_of(run, cutter.teeth, 60 / speed, piece, ball=ball)
-    made = blank.stock(_levels(planned, blank.bounds, cutter.radius + MOST_ASIDE), cutter.corner)
+    levels = _levels(planned, blank.bounds, cutter.radius + MOST_ASIDE)
+    # Where the edges end within the stock a layer ends, too.
+    ends = levels + cutter.flute
+    made = blank.stock(np.concatenate([levels, ends[ends < blank.bounds[1, 2]]]), cutter.corner)
     engagement, left = mill_through(made, track, cutter, step)
+    if (track.start[:, 2] + cutter.flute < made.height[-1]).any():
+        whole, _ = mill_through(made, track, replace(cutter, flute=np.inf))
+        deeper = whole.depth > np.minimum(engagement.depth, cutter.flute) + DEEPER
+        engagement = replace(engagement, unknown=engagement.unknown | deeper,
+                             depth=np.where(deeper, whole.depth, engagement.depth))
     if driven is not None:
         track, engagement = _in_text(track, engagement, driven)
     return Cut(path, cutter, 60 / speed, blank, track, engagement, left)

@@ -47,6 +47,8 @@ KIND = {1: "climbs", -1: "mills conventionally"}
 # feed must turn (1 less the length of the mean of its doubled angle's unit vector), and another frame must keep at least this
 # share of the force, TOLD times what the stated one does.
 FEWEST, STEADY, TURNS, FOLLOWS, TOLD = 10, 0.2, 0.3, 0.4, 2.0
+# Another frame in which the force keeps its direction by less than this of what it does in the stated one is no better.
+LOOSE = 0.8
 
 
 @dataclass(frozen=True)
@@ -184,11 +186,15 @@ def said_of_direction(
             hint=f"is force_log.frame {stated} in cell.yaml right? An axis turned over, or the program or log of a mirrored "
             "part, may look alike. Known directions of push, by hand, tell"))
     steady = here.share >= STEADY
+    fitting = _fitting(cuts, forces, stated, here)
     if steady and here.impossible:
+        elsewhere = "".join(f"; read in the frame {kind} it would be {others[kind].words}, as a cutter may feel it"
+                            for kind in fitting)
         return [*findings, Finding(
             "CS3068", "warning", f"over {here.targets} targets that cut the force on the tool is on average {here.words}: no "
-            f"cutter that turns clockwise is pulled {here.impossible}", file=source,
-            hint="is force_log.sign wrong (on_tool, by_tool), are the axes of its frame (a quaternion is w x y z), or do the "
+            f"cutter that turns clockwise is pulled {here.impossible}{elsewhere}", file=source,
+            hint=(f"is force_log.frame {stated} in cell.yaml right? Else, " if fitting else "")
+            + "is force_log.sign wrong (on_tool, by_tool), are the axes of its frame (a quaternion is w x y z), or do the "
             "force columns stand in another order? Right only for a spindle that turns the other way")]
     sides = cuts.by_side(forces[stated])
     wrong = [side for side, seen in sides.items() if seen.impossible_on(side)]
@@ -204,11 +210,26 @@ def said_of_direction(
         return findings
     if not steady:
         return [*findings, _untold("against the feed it points all ways", source, sign_stated)]
+    frame = "" if not fitting else f"; nor does it tell the frame {stated} from {' or '.join(fitting)}"
     if here.turned_over.impossible:
         return findings
     kind, other = ("climb", "conventional") if here.along > 0 else ("conventional", "climb")
     return [*findings, _untold(f"over {here.targets} targets that cut the force on the tool is on average {here.words}, as in "
-                               f"{kind} milling of little engagement; with the other sign as in {other}", source, sign_stated)]
+                               f"{kind} milling of little engagement; with the other sign as in {other}{frame}", source,
+                               sign_stated)]
+
+
+def _fitting(cuts: Travel, forces: Mapping[str, Array], stated: str, here: CutDirection) -> list[str]:
+    """The other frames in which the force is one that a cutter may feel, the one it follows the path best in first."""
+    found = {}
+    for kind, force in forces.items():
+        there = cuts.against(force)
+        alike = np.allclose(force, forces[stated], atol=1e-6 * max(1.0, float(np.abs(force).max(initial=0.0))))
+        if kind == stated or alike or there.share < STEADY or there.impossible or there.follows < LOOSE * here.follows:
+            continue
+        if not any(seen.impossible_on(side) for side, seen in cuts.by_side(force).items()):
+            found[kind] = there.follows
+    return sorted(found, key=lambda kind: -found[kind])
 
 
 def _untold(why: str, source: str, stated: bool) -> Finding:

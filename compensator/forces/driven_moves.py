@@ -19,6 +19,7 @@ from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Way
 from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, counted, error, verb
+from identification.common.progress import progress
 
 # Of two orders of different length [share] a log by path length is of the one whose end it reaches to so much nearer.
 APART, NEARER = 0.02, 0.2
@@ -101,21 +102,31 @@ def _along_ways(log: ForceLog, path: RobotPath) -> ForceLog:
 
 
 def _each_way(log: ForceLog, path: RobotPath) -> Iterator[_Placed]:
-    """The log along each way on which it can be placed."""
-    for way in path.toolpath.ways:
-        if log.key == "time" and not way.stated and any(turns is not None and turns > TURNS_BY_TIME for turns in way.turns):
-            continue
-        driven = driven_path(path, way.order)
-        if driven is None:
-            continue
-        try:
-            placed, unknown = placed_rows(log, driven.run)
-        except CompstiffError:
-            continue
-        place = np.full(len(placed.place), np.nan)
-        on = np.isfinite(placed.place) & ~unknown
-        place[on] = driven.in_text(placed.place[on])[0]
-        yield _Placed(way, driven, placed, place, unknown)
+    """The log along each way on which it can be placed. By time alone each takes seconds: who waits is told how many there
+    are."""
+    tried = [way for way in path.toolpath.ways if log.key != "time" or way.stated or not any(
+        turns is not None and turns > TURNS_BY_TIME for turns in way.turns)]
+    with progress(f"placing the log along {counted(len(tried), 'way')} that the program may go", len(tried)) as bar:
+        for way in tried:
+            placed = _along(log, path, way)
+            bar.add(1)
+            if placed is not None:
+                yield placed
+
+
+def _along(log: ForceLog, path: RobotPath, way: Way) -> _Placed | None:
+    """The log along one way, None where it cannot be placed."""
+    driven = driven_path(path, way.order)
+    if driven is None:
+        return None
+    try:
+        placed, unknown = placed_rows(log, driven.run)
+    except CompstiffError:
+        return None
+    place = np.full(len(placed.place), np.nan)
+    on = np.isfinite(placed.place) & ~unknown
+    place[on] = driven.in_text(placed.place[on])[0]
+    return _Placed(way, driven, placed, place, unknown)
 
 
 def _fitting(log: ForceLog, placed: list[_Placed]) -> list[_Placed]:

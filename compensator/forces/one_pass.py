@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,7 @@ from compensator.forces.log import ForceLog
 from compensator.forces.log_path import why_unknown
 from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
-from identification.common.findings import Finding, Level, counted, error
+from identification.common.findings import CompstiffError, Finding, Level, counted, error
 
 Indices = NDArray[np.intp]
 # A log with more than this share of its samples off the path is that of another program.
@@ -19,6 +21,8 @@ MOST_LOST = 0.9
 BACK, MOST_AGAIN, BACK_BY = 5, 0.1, 5e-3
 # A log by path length that goes on behind the end of the path by more than this share is of more than the path.
 BEYOND = 0.02
+# So many targets are named in the order in which they are driven.
+NAMED = 8
 
 
 def targets_of(log: ForceLog, path: RobotPath) -> Indices:
@@ -60,28 +64,52 @@ def _beyond(log: ForceLog, on: NDArray[np.bool_]) -> str:
             "WHILE counts as one), a second start, another program? Keep the rows of one pass: others may stand at its end")
 
 
-def check_once(log: ForceLog, target: Indices, driven: Indices | None) -> None:
+def check_once(log: ForceLog, target: Indices, driven: Indices | None) -> list[Finding]:
     """Raises CompstiffError (CS3119) for a log that comes back to targets which it had left: several passes in one file, whose
-    means would be those of none. target (M,): -1 off the path. driven: `Toolpath.driven`, the order in which a log names
-    targets."""
+    means would be those of none; or one whose target numbers count on as the program drives, where that is not the order of
+    the text. Where such a log differs little from one numbered by the text, that is a warning. target (M,): -1 off the path.
+    driven: `Toolpath.driven`, the order in which a log names targets."""
     rows = np.flatnonzero(target >= 0)
     number: Indices = target[rows]
     place = log.place[rows]
+    counted_on = None
     if log.key == "target" and driven is not None:
         # Targets that are not driven come last, and those that are driven again are left out.
         found, places = np.unique(driven, return_index=True)
         last = max(number.max(initial=0), found.max(initial=0))
         turn: Indices = np.full(last + 1, len(driven), dtype=np.intp)
         turn[found] = places
+        counted_on = _counted_on(log, number, driven, turn)
         number = turn[number]
         place = number.astype(float)
     furthest, least = np.maximum.accumulate(number), np.maximum.accumulate(place) - (0 if log.key == "target" else BACK_BY)
     back = (number < furthest - BACK) & (place < least)
     returned = np.unique(number[back])
     if len(returned) <= MOST_AGAIN * len(np.unique(number)):
-        return
+        return [] if counted_on is None else [replace(
+            counted_on, level="warning", message=counted_on.message + "; taken as numbered by the text")]
+    if counted_on is not None:
+        raise CompstiffError(counted_on)
     first = int(np.argmax(back))
     line = int(log.line[rows[first]])
     raise error("CS3119", f"the log comes back to {counted(len(returned), 'target')} that it had left, from target "
                 f"{target[rows[first - 1]]} to {target[rows[first]]}: is it of several passes?", file=log.source, line=line,
                 hint="one pass a file, that of the program that is corrected; rows in the order of time")
+
+
+def _counted_on(log: ForceLog, number: Indices, driven: Indices, turn: Indices) -> Finding | None:
+    """What is to be said of a log whose target numbers, number (M,), only rise, where the program drives these targets in
+    another order; turn: when each is driven. None where it is not so."""
+    if not len(number) or (np.diff(number) < 0).any():
+        return None
+    logged = np.unique(number)
+    logged = logged[np.isin(logged, driven)]
+    falls = np.flatnonzero(np.diff(turn[logged]) < 0)
+    if not len(falls):
+        return None
+    before, behind = logged[falls[0]], logged[falls[0] + 1]
+    return Finding("CS3119", "error", f"the column target only rises, and the program drives target {behind} before {before}: "
+                   "does the log count targets as they are driven, or were its rows sorted?", file=log.source,
+                   hint="targets are numbered by the text, and rows stand in the order of time: those of a routine count where "
+                   "it stands, one call after the other; here the program drives "
+                   f"{', '.join(map(str, driven[:NAMED]))} ... in turn")

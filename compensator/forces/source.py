@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.forces.column_names import named_columns
+from compensator.forces.column_names import FORCE_COUNTS, named_columns
 from identification.common import number_blocks
 from identification.common.arrays import Array
 from identification.common.columns import FORCES, JOINTS, MOMENTS
@@ -25,7 +25,6 @@ Indices = NDArray[np.intp]
 Key = Literal["target", "path_mm", "position", "joints", "time"]
 POSITION = ("x_mm", "y_mm", "z_mm")
 TIMES = ("time_s", "time_ms")
-FORCE_COUNTS = ("fx_counts", "fy_counts", "fz_counts")
 MOMENT_COUNTS = ("mx_counts", "my_counts", "mz_counts")
 LOG_FORMATS = ("metallicadour", "lvm", "net-ft")
 KEYS: dict[Key, tuple[tuple[str, ...], str]] = {

@@ -32,6 +32,7 @@ class Step(NamedTuple):
     name: str
     start: int
     end: int
+    turn: int = -1      # which turn of a loop a call is, of those that are looked at turn by turn (handed_loops.py)
 
 
 @dataclass(slots=True, eq=False)
@@ -96,7 +97,8 @@ class Fork:
 
 @dataclass(eq=False)
 class Routine:
-    """One routine of the text: its first target and its steps. kind: "proc", "func" or "trap"."""
+    """One routine of the text: its first target and its steps. kind: "proc", "func" or "trap"; local: its module alone may call
+    it."""
 
     name: str
     first: int
@@ -104,6 +106,7 @@ class Routine:
     scope: Scope
     steps: list[Step] = field(default_factory=list)
     stop: int = 0       # the first target behind it
+    local: bool = False
 
     @cached_property
     def handler(self) -> int:

@@ -3,12 +3,13 @@ all, in another order than they stand in the text, or under what a caller switch
 
 Told by what the text shows: error handlers and trap routines are not driven, calls by a name that is made at run time not
 followed. Branches and loops are followed where their conditions are known. Where not, each branch and each number of turns is
-a way of its own that the program may go, and WHILE is one turn (the cell that waits for the next part) unless it counts.
+a way of its own that the program may go; a WHILE that holds all moves and does not count is one turn: the cell that waits for
+the next part.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from compensator.rapid.blocks import DEEPEST, Arm, Block, Fork, Loop, Routine, Step, end_routines
@@ -34,9 +35,12 @@ MOST_BLOCKS, LONGEST_TURN = 100_000, 1000
 LATE = ("%", "callbyvar")
 
 
-def runs_of(routines: Sequence[Routine], count: int, values: Values, parameters: Mapping[str, Sequence[Parameter]]) -> Runs:
+def runs_of(
+    routines: Sequence[Routine], count: int, values: Values, parameters: Mapping[str, Sequence[Parameter]],
+    elsewhere: Container[int] = ()
+) -> Runs:
     """How the program drives its `count` targets: from its routine main, or from all routines that no other calls but those of
-    traps."""
+    traps. elsewhere: offsets of calls of another file's routines that drive."""
     end_routines(routines, count)
     numbers = {routine.name: number for number, routine in reversed(list(enumerate(routines)))}
     called = {numbers[step.name] for routine in routines for step in routine.steps
@@ -46,18 +50,29 @@ def runs_of(routines: Sequence[Routine], count: int, values: Values, parameters:
     roots = [main] if main in roots else roots
     variables = Variables(values, routines, parameters)
     moving = _moving(routines, numbers)
-    run = _Run(routines, numbers, moving, variables, count)
+    run = _Run(routines, numbers, moving, variables, count, elsewhere=elsewhere)
     run.drive_all(roots)
     # A function is called where its value is asked for, which is not looked at.
     asked = any(routine.kind == "func" and routine.stop > routine.first for routine in routines)
     uncounted = run.uncounted
+    total = _covered((stretch.first, stretch.stop) for stretch in run.driven)
     if len(numbers) < len(routines) or asked:
         return Runs(tuple(run.driven), count, uncounted=tuple(sorted(uncounted)))
     try:
-        ways = _ways(lambda choices: _Run(routines, numbers, moving, variables, count, choices, uncounted=uncounted), roots)
+        ways = _ways(lambda choices: _Run(routines, numbers, moving, variables, count, choices, elsewhere=elsewhere,
+                                          total=total, uncounted=uncounted), roots)
     except _Open as stopped:
         return Runs(tuple(run.driven), count, open=stopped.many, unsettled=stopped.start, uncounted=tuple(sorted(uncounted)))
     return Runs(tuple(run.driven), count, ways, uncounted=tuple(sorted(uncounted)))
+
+
+def _covered(stretches: Iterable[tuple[int, int]]) -> int:
+    """How many targets stand in stretches first ... stop - 1, which may lie on each other."""
+    count = end = 0
+    for first, stop in sorted(stretches):
+        count += max(0, stop - max(first, end))
+        end = max(end, stop)
+    return count
 
 
 def _moving(routines: Sequence[Routine], numbers: Mapping[str, int]) -> frozenset[int]:
@@ -112,6 +127,8 @@ class _Run:
     variables: Variables
     count: int
     choices: tuple[int, ...] | None = None
+    elsewhere: Container[int] = ()
+    total: int = 0                                                  # targets that are driven at all
     displaced: bool = False
     soft: bool = False
     calls: int = 0
@@ -265,12 +282,29 @@ class _Run:
         self.driven[begin:] = 2 * turn if turns > 1 else turn
         return ended
 
-    def _openly(self, loop: Loop, scope: Scope, branch: bool, values: Sequence[float] | None = None, name: str = "") -> str:
-        """A loop whose turns are not known, each number of them a way of its own. values: of its variable, as stated."""
+    def _not_all(self, loop: Loop) -> bool:
+        """Whether there are moves beside those of a loop: else it is the cell that waits for the next part."""
+        bodies, waiting = [loop.body], [loop.body]
+        called: set[int] = set()
+        while waiting:
+            for step in waiting.pop().steps():
+                number = self.numbers.get(step.name, -1) if step.kind == "call" else -1
+                if number >= 0 and number not in called:
+                    called.add(number)
+                    waiting.append(self.routines[number].body)
+                    bodies.append(self.routines[number].body)
+        return _covered((body.first, body.stop) for body in bodies) < self.total
+
+    def _openly(
+        self, loop: Loop, scope: Scope, branch: bool, values: Sequence[float] | None = None, name: str = "",
+        assumed: int | None = None
+    ) -> str:
+        """A loop whose turns are not known, each number of them a way of its own. values: of its variable, as stated; assumed:
+        so many turns, where nothing is stated."""
         if not self._moves(loop.body):
             self._skip(loop.body, scope)
             return ""
-        stated = None if values is None or len(values) > MOST_TURNS else len(values)
+        stated = assumed if values is None or len(values) > MOST_TURNS else len(values)
         tried = TURNS[min(self._open_loops(), len(TURNS)) - 1]
         counts = tried if stated is None or stated in tried else (*tried, stated)
         count = counts[self._choose(len(counts), 0 if stated is None else counts.index(stated))]
@@ -290,8 +324,9 @@ class _Run:
         self.variables.skip(block, scope)
 
     def _uncounted(self, step: Step) -> bool:
-        """Whether a step drives along targets that are not counted, such as TriggL."""
-        return step.kind == "call" and step.name not in self.numbers and bool(MOTION.fullmatch(step.name))
+        """Whether a step drives along targets that are not counted, such as TriggL, or a routine of another file."""
+        return step.kind == "call" and step.name not in self.numbers and (
+            bool(MOTION.fullmatch(step.name)) or step.start in self.elsewhere)
 
     def _open_loops(self) -> int:
         """How many loops of the program may have such turns."""
@@ -327,8 +362,10 @@ class _Run:
             sure = known.value is not None and not known.stated
             if (sure and not known.value) or (turn and not counts):
                 return ""
-            if counts and not sure:
+            if not sure and counts:
                 return self._openly(loop, scope, branch)
+            if not sure and self._not_all(loop):
+                return self._openly(loop, scope, branch, assumed=1)
             ended = self._block(loop.body, scope, branch)
             if ended:
                 return ended

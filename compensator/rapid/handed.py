@@ -1,5 +1,5 @@
 """Tools and work objects that calls hand over: to a routine of this file, whose moves then name a parameter, or to one of
-another file, which may change them."""
+another file, which may change them; and targets that calls hand over to a routine of another file, which drives there."""
 
 from __future__ import annotations
 
@@ -8,12 +8,18 @@ from collections.abc import Iterable, Mapping
 from compensator.rapid.blocks import arguments
 from compensator.rapid.calls import LATE
 from compensator.rapid.expressions import Expr
+from compensator.rapid.lexer import Token
+from compensator.rapid.moves import AXIS_OFFSET, DISPLACEMENT
 from compensator.rapid.runtime import HARMLESS, MOTION, Parameter
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Names, Scope
 from compensator.rapid.uses import Uses
 
 FRAMES = ("tooldata", "wobjdata")
+# Those of a robtarget: round all of it, its place, turn, configuration and external axes.
+TARGET_BRACKETS = 5
+# What switches a displacement is given the place of it.
+_SWITCHES = frozenset((*DISPLACEMENT, *AXIS_OFFSET))
 # Instructions and functions of the controller that use a tool or work object as it is.
 _USES = HARMLESS | {"crobt", "cpos", "calcrobt", "setsysdata", "egmactpose", "wzboxdef", "pathrecmovebwd", "pathrecmovefwd"}
 
@@ -42,6 +48,30 @@ def handed_in(scan: Scan) -> dict[int, tuple[Expr, Scope]]:
             if name is not None:
                 first.setdefault(parameter.declaration, (Expr("name", name.start, name.end, name.word), scope))
     return {number: first[number] for number, data in given.items() if len(data) == 1 and -1 not in data}
+
+
+def drives_elsewhere(scan: Scan) -> dict[int, str]:
+    """Calls of routines that this file does not hold and that are given a target: they drive, and nobody here knows where. By
+    the offset of the call: its name as the text has it."""
+    source, found = scan.source, {}
+    for routine in scan.bodies:
+        for step in routine.steps:
+            if step.kind != "call" or step.name in scan.routines or step.name in _USES or step.name in _SWITCHES or (
+                    step.name in LATE or MOTION.fullmatch(step.name)):
+                continue
+            if any(_is_target(scan, part, routine.scope) for part in arguments(source, step)):
+                found[step.start] = source.text(step.start, step.start + len(step.name)).lstrip("%\"")
+    return found
+
+
+def _is_target(scan: Scan, part: list[Token], scope: Scope) -> bool:
+    """Whether an argument is a target: declared as one, shifted from one, or four brackets."""
+    words = [word.word for word in part]
+    if words[:2] == ["[", "["]:
+        return sum(word == "[" for word in words) == TARGET_BRACKETS
+    number = scan.names.find(words[0], scope) if words else -1
+    return words[:1] in (["offs"], ["reltool"]) or (number >= 0 and scan.names.declarations[number].type == "robtarget"
+                                                   and (len(words) == 1 or words[1] == "{"))
 
 
 def handed_out(names: Names, uses: Uses, routines: Mapping[str, Iterable[Parameter]]) -> dict[int, str]:

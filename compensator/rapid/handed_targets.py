@@ -1,7 +1,8 @@
 """Targets that calls hand over, `PROC cut(robtarget p) MoveL p,... ENDPROC`, as the moves that each call drives.
 
 Only where all targets of the routine are parameters, or Offs and RelTool of such. What is corrected is written into the call:
-the move itself stays as it is.
+the move itself stays as it is. Parameters by reference (VAR, PERS, INOUT) are what is handed over as long as the routine does
+not change them; a routine of another module of the file is given data that both modules see.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ from dataclasses import dataclass, replace
 
 from compensator.rapid.blocks import Routine, Step, arguments, end_routines
 from compensator.rapid.expressions import Expr
+from compensator.rapid.handed_loops import Turns, turn_by_turn
 from compensator.rapid.repeated import Repeated, places, repeat
 from compensator.rapid.runtime import MOTION
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Scope
+from compensator.rapid.unrolled import target_at
 from compensator.rapid.values import Values
 
 # A routine that calls drive to more targets keeps one for each of its moves.
@@ -25,20 +28,22 @@ _REASON = "the move serves every call of its routine, which goes to more places 
 @dataclass(frozen=True, slots=True)
 class _Called:
     """A routine of targets that calls hand over, its calls in the order of the text, and its targets at each. own: those,
-    counted from its first one, that alone make use of their parameter."""
+    counted from its first one, that alone make use of their parameter. referred: those whose parameter is a reference."""
 
     number: int
     calls: list[Step]
     targets: Repeated
     own: frozenset[int]
+    referred: frozenset[int]
 
 
 def follow_calls(scan: Scan, values: Values) -> None:
     """Gives each call of such a routine a routine of its own, with its targets, and says which these are in `scan.handed`."""
     end_routines(scan.bodies, len(scan.move))
+    turns = turn_by_turn(scan, values)
     twice = {name for name, count in Counter(routine.name for routine in scan.bodies).items() if count > 1}
     followed = [called for number, routine in enumerate(scan.bodies) if routine.name not in twice
-                and (called := _called(scan, values, number, routine)) is not None]
+                and (called := _called(scan, values, number, routine, turns)) is not None]
     if not followed:
         return
     repeats = [called.targets for called in followed]
@@ -46,6 +51,9 @@ def follow_calls(scan: Scan, values: Values) -> None:
     for called, targets in zip(followed, repeat(scan, repeats), strict=True):
         count = called.targets.stop - called.targets.first
         scan.handed.update({target: "" if at % count in called.own else _REASON for at, target in enumerate(targets)})
+        scan.referred.update(target for at, target in enumerate(targets) if at % count in called.referred)
+        scan.looped.update(targets[turn * count + at] for turn, step in enumerate(called.calls) if step.turn >= 0
+                           for at in range(count))
         names |= {step: f"{step.name} {turn}" for turn, step in enumerate(called.calls)}
         routine = scan.bodies[called.number]
         scan.routines |= {f"{routine.name} {turn}": scan.routines[routine.name] for turn in range(len(called.calls))}
@@ -61,11 +69,11 @@ def follow_calls(scan: Scan, values: Values) -> None:
             moved = [step._replace(at=before + more + step.at - routine.first if own else place(step.at))
                      for step in steps]
             name = f"{routine.name} {turn}" if own else routine.name
-            bodies.append(Routine(name, before + more, routine.kind, routine.scope, moved))
+            bodies.append(Routine(name, before + more, routine.kind, routine.scope, moved, local=routine.local))
     scan.bodies = bodies
 
 
-def _called(scan: Scan, values: Values, number: int, routine: Routine) -> _Called | None:
+def _called(scan: Scan, values: Values, number: int, routine: Routine, looped: Turns) -> _Called | None:
     """A routine as its calls drive it; None where it is another one, or no call is known."""
     slots = _slots(scan, values, routine)
     if not slots:
@@ -76,11 +84,13 @@ def _called(scan: Scan, values: Values, number: int, routine: Routine) -> _Calle
         return None
     calls = [(step, body.scope) for body in scan.bodies if body is not routine for step in body.steps
              if step.kind == "call" and step.name == routine.name]
+    if routine.local and any(scope.module != routine.scope.module for _, scope in calls):
+        return None
     if not 0 < len(calls) * len(exprs) <= MOST:
         return None
     turns = []
     for step, scope in calls:
-        given = _given(scan, values, step, scope, routine.scope)
+        given = _given(scan, values, step, scope, routine.scope, looped)
         if any(slots[name] >= len(given) or given[slots[name]] is None for name in named):
             return None
         handed = {name: one for name in named if (one := given[slots[name]]) is not None}
@@ -88,7 +98,9 @@ def _called(scan: Scan, values: Values, number: int, routine: Routine) -> _Calle
     times = Counter(named)
     own = frozenset(at for at, (expr, name) in enumerate(zip(exprs, named, strict=True))
                     if expr.kind == "name" and times[name] == 1 and (name, routine.scope) not in scan.uses.read)
-    return _Called(number, [step for step, _ in calls], Repeated(routine.first, routine.stop, turns), own)
+    modes = {scan.names.declarations[one.declaration].name: one.mode for one in scan.routines[routine.name]}
+    referred = frozenset(at for at, name in enumerate(named) if modes[name] != "in")
+    return _Called(number, [step for step, _ in calls], Repeated(routine.first, routine.stop, turns), own, referred)
 
 
 def _slots(scan: Scan, values: Values, routine: Routine) -> dict[str, int]:
@@ -97,7 +109,7 @@ def _slots(scan: Scan, values: Values, routine: Routine) -> dict[str, int]:
         return {}
     declarations = scan.names.declarations
     return {declarations[one.declaration].name: one.slot for one in scan.routines.get(routine.name, ())
-            if isinstance(one.slot, int) and one.mode == "in" and one.declaration not in values.changing
+            if isinstance(one.slot, int) and one.declaration not in values.changing
             and declarations[one.declaration].type == "robtarget" and not declarations[one.declaration].dimensions}
 
 
@@ -123,20 +135,23 @@ def _switched(scan: Scan, routine: Routine) -> bool:
                for entries in (scan.shifts, scan.softened, scan.offsets, scan.units) for entry in entries)
 
 
-def _given(scan: Scan, values: Values, step: Step, scope: Scope, within: Scope) -> list[Expr | None]:
+def _given(scan: Scan, values: Values, step: Step, scope: Scope, within: Scope, looped: Turns) -> list[Expr | None]:
     """The required arguments of a call; None for those whose names mean something else within the routine."""
     found: list[Expr | None] = []
+    held = looped.get(step.turn, {})
     for part in arguments(scan.source, step):
         expr = values.parse(part[0].start, part[-1].end) if part else None
+        if expr is not None and any(one.name in held for one in expr.walk()):
+            expr = target_at(values, expr, scope, held)
         names = [] if expr is None else [one.name for one in expr.walk() if one.name and one.kind != "call"]
         found.append(expr if all(_same(scan, name, scope, within) for name in names) else None)
     return found
 
 
 def _same(scan: Scan, name: str, scope: Scope, within: Scope) -> bool:
-    """Whether a name means the same data, no parameter, in two routines of a module."""
+    """Whether a name means the same data, no parameter, in two routines."""
     number = scan.names.find(name, scope)
-    if scope.module != within.module or number != scan.names.find(name, within):
+    if number != scan.names.find(name, within):
         return False
     return number < 0 or scan.names.declarations[number].storage != "parameter"
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from compensator.rapid.calls import runs_of
+from compensator.rapid.handed import drives_elsewhere
 from compensator.rapid.handed_targets import follow_calls
 from compensator.rapid.namesakes import tell_apart
 from compensator.rapid.program import RapidProgram
@@ -42,7 +43,7 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     follow_calls(scanned, values)
     scanned.read_expressions()
     count = len(scanned.move)
-    runs = runs_of(scanned.bodies, count, values, scanned.routines)
+    runs = runs_of(scanned.bodies, count, values, scanned.routines, drives_elsewhere(scanned))
     scope_of = _held(scanned.scopes, count)
     rows = collect(scanned, values, scope_of)
     _check_size(source, rows)

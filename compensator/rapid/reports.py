@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.rapid.handed import handed_out
+from compensator.rapid.handed import drives_elsewhere, handed_out
 from compensator.rapid.quaternions import SLIGHT, UNUSABLE
 from compensator.rapid.rows import Rows
 from compensator.rapid.scan import Scan
@@ -116,7 +116,8 @@ def _called(scan: Scan, places: Places, block: NDArray[np.object_]) -> list[Find
         return []
     findings = [places.targets(
         "CS2060", "note", f"{counted(len(scan.handed), 'target')} of routines to which calls hand their target: each call "
-        "counts as moves of its own", sorted(scan.handed), "what is corrected is written into the call")]
+        "counts as moves of its own", sorted(scan.handed), "what is corrected is written into the call, or into the array "
+        "whose elements a loop hands over")]
     for why in sorted({why for why in scan.handed.values() if why}):
         which = [target for target in sorted(scan.handed) if scan.handed[target] == why and not block[target]]
         block[which] = why
@@ -268,6 +269,14 @@ def _others(scan: Scan, places: Places) -> list[Finding]:
                       "are neither counted nor corrected", at, "cut with MoveL, MoveC or MoveJ if they are to be corrected")
         for name, at in offsets.items()
     ]
+    elsewhere: dict[str, list[int]] = {}
+    for offset, name in drives_elsewhere(scan).items():
+        elsewhere.setdefault(name, []).append(offset)
+    findings += [
+        places.offset("CS2016", "warning", f"{name} is a routine of another file, and is given a target: where it drives is "
+                      "not known, and nothing of it is counted or corrected", at, "put the routine into this file if it is to "
+                      "be corrected; a log by path length cannot be followed behind it, one by target or positions can")
+        for name, at in elsewhere.items()]
     if len(scan.modules) > 1:
         findings.append(places.offset(
             "CS2051", "warning", f"the file holds {len(scan.modules)} modules: their targets are counted one module after the "

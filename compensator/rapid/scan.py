@@ -28,7 +28,8 @@ class Scan:
     scopes, shifts, softened, offsets: (first target, value) from which on the scope holds, the program is displaced, its servo
     soft, or the external axes displaced. units: (first target, name of a mechanical unit, whether it is on) of each switch.
     looped: targets to which a move in a loop drives, one each turn (unrolled.py). handed: targets that calls hand over, one
-    each call, and why they cannot be corrected, "" where they can (handed_targets.py).
+    each call, and why they cannot be corrected, "" where they can; referred: those that are handed over by reference
+    (handed_targets.py).
     """
 
     source: Source
@@ -49,6 +50,7 @@ class Scan:
     shifts: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     looped: set[int] = field(default_factory=set)
     handed: dict[int, str] = field(default_factory=dict)
+    referred: set[int] = field(default_factory=set)
     softened: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     offsets: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     units: list[tuple[int, str, bool]] = field(default_factory=list)

@@ -93,7 +93,7 @@ class Statements:
         at = next((i for i, word in enumerate(words) if word.word == "("), len(words) - 1)
         name = words[at - 1].word
         kind = next((word.word for word in words[:at - 1] if word.word in _ROUTINES), "proc")
-        self.scan.bodies.append(Routine(name, len(self.scan.move), kind, self.scan.scope))
+        self.scan.bodies.append(Routine(name, len(self.scan.move), kind, self.scan.scope, local=words[0].word == "local"))
         parameters = self.scan.routines.setdefault(name, [])
         group: list[Token] = []
         optional, position = False, 0

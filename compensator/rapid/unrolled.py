@@ -6,6 +6,7 @@ What is corrected is written into the array: the move itself stays as it is, and
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from compensator.rapid.arithmetic import arithmetic
@@ -54,20 +55,20 @@ def _turned(scan: Scan, values: Values, loop: Loop, scope: Scope) -> _Turned | N
     exprs = [scan.expressions.get(target) for target in range(first, stop)]
     if loop.head.kind != "for" or loop.end is None or loop.end.kind != "endfor" or loop.body.items or not exprs:
         return None
-    known = _turns(scan, values, loop, scope)
+    known = turns_of(scan, values, loop, scope)
     if known is None or not known[1] or len(known[1]) * len(exprs) > MOST:
         return None
     name, turns = known
     found = []
     for turn in turns:
-        at_turn = [None if expr is None else _at_turn(values, expr, scope, name, turn) for expr in exprs]
+        at_turn = [None if expr is None else target_at(values, expr, scope, {name: turn}) for expr in exprs]
         if None in at_turn:
             return None
         found.append([expr for expr in at_turn if expr is not None])
     return _Turned(loop, Repeated(first, stop, found))
 
 
-def _turns(scan: Scan, values: Values, loop: Loop, scope: Scope) -> tuple[str, list[float]] | None:
+def turns_of(scan: Scan, values: Values, loop: Loop, scope: Scope) -> tuple[str, list[float]] | None:
     """The variable of a FOR and its values."""
     words = words_of(scan.source, loop.head)
     marks = [next((k for k, word in enumerate(words) if word.word == mark), -1) for mark in ("from", "to", "step", "do")]
@@ -75,7 +76,7 @@ def _turns(scan: Scan, values: Values, loop: Loop, scope: Scope) -> tuple[str, l
     if min(start, to, end) < 0:
         return None
     bounds = [words[start + 1:to], words[to + 1:step if step > 0 else end], *([words[step + 1:end]] if step > 0 else [])]
-    numbers = [_number(values, part, scope, "", 0.0) for part in bounds]
+    numbers = [_number(values, part, scope, {}) for part in bounds]
     if any(number is None for number in numbers):
         return None
     low, high, *by = (float(number or 0.0) for number in numbers)
@@ -85,8 +86,8 @@ def _turns(scan: Scan, values: Values, loop: Loop, scope: Scope) -> tuple[str, l
     return words[1].word, [low + k * stride for k in range(int((high - low) / stride + 1e-9) + 1)]
 
 
-def _number(values: Values, words: list[Token], scope: Scope, variable: str, value: float) -> float | None:
-    """The value of numbers, constants, a variable and `Dim(array,1)`."""
+def _number(values: Values, words: list[Token], scope: Scope, held: Mapping[str, float]) -> float | None:
+    """The value of numbers, constants, variables that are held and `Dim(array,1)`."""
     if len(words) > 3 and words[0].word == "dim" and words[1].word == "(":
         parts = split(words[2:-1], ",")
         number = values.names.find(parts[0][0].word, scope) if len(parts) == 2 and len(parts[0]) == 1 else -1
@@ -96,39 +97,39 @@ def _number(values: Values, words: list[Token], scope: Scope, variable: str, val
         return float(len(declared.items)) if declared.kind == "aggregate" else None
 
     def named(word: Token) -> float | None:
-        if word.word == variable:
-            return value
+        if word.word in held:
+            return held[word.word]
         known = values.number(Expr("name", word.start, word.end, word.word), scope, word.word)
         return None if isinstance(known, Unsettled) else known
 
     return arithmetic([*words, Token("end", -1, -1, b"", "")], named) if words else None
 
 
-def _at_turn(values: Values, expr: Expr, scope: Scope, variable: str, value: float) -> Expr | None:
-    """What a target is at one turn: an element of an array, or Offs and RelTool by numbers that the turn settles; None where it
-    is something else."""
+def target_at(values: Values, expr: Expr, scope: Scope, held: Mapping[str, float]) -> Expr | None:
+    """What a target is at one turn, at which the variables of loops are held: an element of an array, or Offs and RelTool by
+    numbers that the turn settles; None where it is something else."""
     if expr.kind != "call" or expr.name not in ("offs", "reltool") or len(expr.items) != 4:
-        return _element(values, expr, scope, variable, value)
+        return _element(values, expr, scope, held)
     base, *shift = expr.items
     if base.kind in ("call", "element"):
-        inner = _at_turn(values, base, scope, variable, value)
+        inner = target_at(values, base, scope, held)
         base = base if inner is None else inner
     found = []
     for item in shift:
-        number = _number(values, tokens(values.source, item.start, item.end)[:-1], scope, variable, value)
+        number = _number(values, tokens(values.source, item.start, item.end)[:-1], scope, held)
         if number is None:
             return None
         found.append(Expr("number", item.start, item.end, value=number))
     return replace(expr, items=(base, *found))
 
 
-def _element(values: Values, expr: Expr, scope: Scope, variable: str, value: float) -> Expr | None:
+def _element(values: Values, expr: Expr, scope: Scope, held: Mapping[str, float]) -> Expr | None:
     """The element that an expression with the loop's variable in its index is at one turn; None where it is something else."""
-    if expr.kind != "element" or not any(part.name == variable for index in expr.items for part in index.walk()):
+    if expr.kind != "element" or not any(part.name in held for index in expr.items for part in index.walk()):
         return None
     items = []
     for index in expr.items:
-        at = _number(values, tokens(values.source, index.start, index.end)[:-1], scope, variable, value)
+        at = _number(values, tokens(values.source, index.start, index.end)[:-1], scope, held)
         if at is None or not at.is_integer():
             return None
         items.append(Expr("number", index.start, index.end, value=at))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -59,6 +60,7 @@ class _Job:
 
     program: RapidProgram
     poses: _Commanded
+    shared: bool                                            # other modules must see what is declared
     edits: list[Edit] = field(default_factory=list)
     numbers: int = 0
     declarations: int = 0
@@ -69,7 +71,8 @@ class _Job:
 
 
 def rewrite(
-    program: RapidProgram, targets: ArrayLike, position: ArrayLike, quaternion: ArrayLike, confdata: ArrayLike | None = None
+    program: RapidProgram, targets: ArrayLike, position: ArrayLike, quaternion: ArrayLike, confdata: ArrayLike | None = None, *,
+    shared: bool = False
 ) -> Rewritten:
     """The program with other numbers for the given targets.
 
@@ -77,13 +80,14 @@ def rewrite(
     work object. confdata (M, 4): cf1 cf4 cf6 cfx, None to leave them.
     Positions are written with 4 decimals of a millimetre, quaternions with 8, or with as many as the number had before if
     that is more; a number that is the same to those decimals stays as it is spelled. The quaternion's sign is the one
-    nearest to the original. Raises ValueError for a target that cannot be corrected (`toolpath.block`, MoveAbsJ).
+    nearest to the original. shared: the text is to be split into modules, all of which must see what is declared, so nothing
+    of that is LOCAL. Raises ValueError for a target that cannot be corrected (`toolpath.block`, MoveAbsJ).
     """
     which = np.asarray(targets, dtype=np.int64).reshape(-1)
     poses = _commanded(program, which, position, quaternion, confdata)
     if not len(which):
         return Rewritten(program.source.data, (), 0, 0)
-    job = _Job(program, poses)
+    job = _Job(program, poses, shared)
     rows = program.rows
     row = rows.row[which]
     in_move = rows.declaration[row] < 0
@@ -233,9 +237,15 @@ def _add_declarations(job: _Job, row: int, texts: dict[int, Written], names: New
     for text, targets in groups.items():
         name = names.make(declared_name(source, declaration))
         modules = {scan.scopes[int(np.searchsorted(firsts, target, side="right")) - 1][1].module for target in targets}
-        local = b"LOCAL " if declaration.scope.routine < 0 and modules == {declaration.scope.module} else b""
+        # A target that a call hands over stands with the call, which may be in another module than the routine.
+        where = {bisect_right(scan.modules, scan.start[target]) for target in targets}
+        apart = where != {bisect_right(scan.modules, declaration.start)}
+        # A reference refers to data of the same kind.
+        storage = declaration.storage.upper() if scan.referred.intersection(targets) else "CONST"
+        alone = declaration.scope.routine < 0 and modules == {declaration.scope.module} and not (apart or job.shared)
+        local = b"LOCAL " if alone else b""
         spelled = name.encode(source.encoding)
-        job.edits.append((offset, offset, before + local + b"CONST robtarget " + spelled + b":=" + text + b";"))
+        job.edits.append((offset, offset, before + local + storage.encode() + b" robtarget " + spelled + b":=" + text + b";"))
         job.edits += [(scan.start[target], scan.end[target], spelled) for target in targets]
         job.declarations += 1
         job.numbers += texts[targets[0]].changed
@@ -279,7 +289,8 @@ def _findings(job: _Job, turned: np.ndarray) -> tuple[Finding, ...]:
     for which, code, message, hint in (
         (job.replaced, "CS2040", "Offs, RelTool or another expression was replaced by a robtarget in numbers",
          "the target no longer follows its base when that is taught again"),
-        (job.added, "CS2041", "a target needs several corrections, or is used uncorrected too: declarations were added", ""),
+        (job.added, "CS2041", "a target needs several corrections, or is used uncorrected too: declarations were added",
+         "they are not LOCAL, so that the parts see them: no other module may have their names" if job.shared else ""),
         (job.symbols, "CS2043", "a symbol inside a robtarget was replaced by numbers", ""),
         (job.visible, "CS3270", "a declaration that is not LOCAL was corrected in place: modules beside this file "
          "that name it go to the corrected place too", "declare it LOCAL where none does; else give it another name there"),

@@ -11,6 +11,7 @@ from typing import Any
 
 from identification.common.findings import error
 from identification.model.cell import Cell
+from identification.model.cell_file import host_alone
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,10 @@ class Controller:
         if not controller.host:
             raise error("CS6104", "states no controller.host", file=str(cell.source),
                         hint="write controller: {host: 192.168.125.1} into it, or give --host")
+        try:
+            host_alone(controller.host)
+        except ValueError as reason:
+            raise error("CS6104", f"the host '{controller.host}' {reason}") from reason
         return controller
 
     @property

@@ -16,6 +16,7 @@ from identification.common.made_from import RECORD, said_of_changes, said_of_lat
 SUFFIXES = (".mod", ".modx", ".sys", ".sysx")
 _MODULE = re.compile(rb"^[ \t]*MODULE[ \t]+([A-Za-z][A-Za-z0-9_]*)", re.MULTILINE | re.IGNORECASE)
 _END = re.compile(rb"^[ \t]*ENDMODULE\b", re.MULTILINE | re.IGNORECASE)
+_LOAD = re.compile(rb'^[ \t]*(?:Start)?Load[ \t]*(?:\\Dynamic[ \t]*)?,?[ \t]*"([^"\r\n]+)"', re.MULTILINE | re.IGNORECASE)
 _PART = re.compile(r"_[0-9]{3,}$")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*\.(mod|modx|sys|sysx)", re.IGNORECASE)
 
@@ -41,6 +42,30 @@ class LocalModule:
         """A name that belongs to this content: no other content is ever given it."""
         return f"{self.stem}-{self.sha256[:10]}{self.file.suffix.lower()}"
 
+    def loads(self, folder: str, name: str) -> tuple[Finding, ...]:
+        """A warning (CS6125) where this module loads others at run time, or is itself loaded so by another name or from another
+        folder than it is to have on the controller."""
+        others = [place for place in _loaded(self.content) if place.rpartition("/")[2].lower() != self.file.name.lower()]
+        if others:
+            shown = ", ".join(others[:3]) + (" ..." if len(others) > 3 else "")
+            return (Finding("CS6125", "warning", f"it loads {shown} at run time: they must be there under these names",
+                            file=str(self.file), hint="upload each part with --name and the name that it is loaded by, and "
+                            f"controller.folder {others[0].rpartition('/')[0]}"),)
+        main = self.record["output"].get("file") if self.record else None
+        if not isinstance(main, str) or main == self.file.name or Path(main).name != main:
+            return ()
+        try:
+            places = _loaded(self.file.with_name(main).read_bytes())
+        except OSError:
+            return ()
+        place = next((place for place in places if place.rpartition("/")[2].lower() == self.file.name.lower()), "")
+        if not place or place.lower() == f"{folder}/{name}".lower():
+            return ()
+        return (Finding("CS6125", "warning", f"{main} loads it as {place} at run time, and here it would be {folder}/{name}",
+                        file=str(self.file), hint=f"--name {self.file.name}" + (
+                            "" if place.rpartition("/")[0].lower() == folder.lower()
+                            else f", and controller.folder {place.rpartition('/')[0]}")),)
+
     def as_dict(self) -> dict[str, Any]:
         """JSON values."""
         return {"file": str(self.file), "module": self.name, "bytes": len(self.content), "sha256": self.sha256,
@@ -57,6 +82,11 @@ class LocalModule:
                 shown.append(f"record: {summary['corrected']} targets corrected, largest offset "
                              f"{summary['largest_offset_mm']:.4f} mm")
         return shown
+
+
+def _loaded(content: bytes) -> list[str]:
+    """What a module loads at run time, `HOME/part.mod`, as a controller's folders are written here."""
+    return [place.decode("latin-1").replace(":/", "/").replace(":", "/") for place in _LOAD.findall(content)]
 
 
 def read_module(file: Path, robot: str, *, changed: bool = False) -> LocalModule:

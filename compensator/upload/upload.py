@@ -122,7 +122,9 @@ def upload(
     check_rapid(cell.robot, "upload loads RAPID", str(file))
     module = read_module(Path(file), cell.robot.name, changed=wanted.changed)
     name = check_name(wanted.name) if wanted.name else module.new_name
-    planned = UploadResult(module, controller, f"{cell.controller.folder}/{name}", wanted, None, module.findings)
+    folder = cell.controller.folder
+    planned = UploadResult(module, controller, f"{folder}/{name}", wanted, None,
+                           (*module.findings, *module.loads(folder, name)))
     try:
         with Session(controller) as session:
             result = _looked(planned, Remote(session), cell.controller.system)
@@ -132,8 +134,17 @@ def upload(
         if apply or isinstance(reason, Answered):
             raise stopped(controller, reason, OLD) from reason
         return _with(planned, Finding("CS6110", "warning", f"{controller.url} could not be asked ({reason}): not compared with "
-                                      "what is there", hint="check controller.host, port and tls"))
+                                      "what is there", hint=_unreached(controller, str(reason))))
     return result if session.logged_out else _with(result, _not_logged_out(controller))
+
+
+def _unreached(controller: Controller, reason: str) -> str:
+    """What to look at where nobody answers."""
+    if controller.tls and "WRONG_VERSION" in reason:
+        return "what answers there speaks no TLS: an IRC5 has none, state controller: {tls: false}; or is it another port?"
+    if not controller.tls and "disconnected" in reason:
+        return "an OmniCore answers over TLS alone: state controller: {tls: true}; or is it another port?"
+    return "check controller.host, port and tls"
 
 
 def _looked(planned: UploadResult, remote: Remote, system: str | None) -> UploadResult:
@@ -180,8 +191,8 @@ def _applied(planned: UploadResult, remote: Remote, log: Path | None, say: Calla
     try:
         folder, _, name = planned.path.rpartition("/")
         endings.append(f"{place(remote, folder, name, module.content)}, SHA-256 read back: {planned.path}")
-        say(endings[0])
         if wanted.task:
+            say(endings[0])
             endings.append(load_module(remote, wanted.task, module.name, planned.path, replace=wanted.replace))
     except CompstiffError as failed:
         keep(result=failed.findings[0].message, exit_code=failed.exit_code)

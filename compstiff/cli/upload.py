@@ -6,11 +6,15 @@ import dataclasses
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
 from compstiff.outcome import Outcome, Session, call
+
+if TYPE_CHECKING:
+    from compensator.upload.upload import UploadResult
 
 PASSWORD = "COMPSTIFF_CONTROLLER_PASSWORD"
 
@@ -53,7 +57,15 @@ def upload(
     result = upload_module(cell, module_file, controller, apply=applies, wanted=Wanted(name, task, replace, changed),
                            log=log or cell_file.parent / LOG, say=session.say)
     words = sys.argv[1:] if session.command in sys.argv else ["upload", str(cell_file), str(module_file)]
-    return Outcome(result.as_dict(), result.findings, result.lines(), "" if applies else call(*words, "--apply"))
+    return Outcome(result.as_dict(), result.findings, result.lines(), _next(result, words, applies))
+
+
+def _next(result: UploadResult, words: list[str], applies: bool) -> str:
+    """The next step; none where nobody could be asked what is there."""
+    if applies:
+        return (f"set the program pointer in {result.wanted.task}, and run it first in air" if result.wanted.task
+                else f"load {result.path} into its task at the controller (or --load TASK), and run it first in air")
+    return call(*words, "--apply") if result.seen else ""
 
 
 def _password(session: Session, url: str, user: str) -> str:

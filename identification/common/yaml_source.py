@@ -197,6 +197,8 @@ def _complaint(item: Any, model: type[BaseModel], places: dict[Key, Place], name
 
 def _place_of(key: str, known: list[str], model: type[BaseModel]) -> str:
     """Where an unknown key may belong: below another one, or to a known one that is written alike."""
+    if key.lower() in ("password", "passwd", "pwd", "passwort"):
+        return "no password stands in a file: leave it out; the command that needs it says where it comes from"
     above = [name for name in model.model_fields if key in _keys(model, (name,))]
     if above:
         return f"it stands below {' or '.join(above)}: indent it there"

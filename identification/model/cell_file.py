@@ -106,10 +106,20 @@ class MotionFile(Strict):
     compliance_std: Annotated[float, Field(ge=0, le=0.5)] = 0.02
 
 
+def host_alone(value: str) -> str:
+    """A name or an address. Raises ValueError where it has more: scheme, port, path."""
+    if re.search(r"[\s/\\@]", value) or re.fullmatch(r"[^:]*:\d*", value) or not value:
+        raise ValueError("must be a name or an address alone, such as 192.168.125.1; port and tls have keys of their own")
+    return value
+
+
+Host = Annotated[str, AfterValidator(host_alone)]
+
+
 class ModbusFile(Strict):
     """Where the cell's Modbus server listens."""
 
-    host: str = "127.0.0.1"
+    host: Host = "127.0.0.1"
     port: Annotated[int, Field(ge=1, le=65535)] = 5020
     unit: Annotated[int, Field(ge=0, le=255)] = 1
 
@@ -135,7 +145,7 @@ def _fingerprint(value: str) -> str:
 class ControllerFile(Strict):
     """Where the robot controller's web services listen, and who logs in there. The password is never in a file."""
 
-    host: str | None = None
+    host: Host | None = None
     port: Annotated[int, Field(ge=1, le=65535)] | None = None
     tls: bool = True
     ca: str | None = None

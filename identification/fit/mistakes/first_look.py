@@ -6,15 +6,18 @@ springs explain; and the prior's stiffnesses say how large readings are, within 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.findings import Finding, error
+from identification.common.findings import Finding, counted, error
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.axes import axes_mistakes
 from identification.fit.mistakes.cell_file import cell_mistakes
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.mistake import Mistake
+from identification.fit.mistakes.odd_rows import odd_rows, where
 from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.units import DEFLECTION_UNITS, FORCE_UNITS
 from identification.model.compliance import regressor
@@ -33,13 +36,18 @@ METRES = (1e6, "in m, not in um", 0.05)
 # less (engineering judgement).
 FEW, STILL = 3, 0.5
 # Share of the squared readings that no springs explain, beyond the stated noise, from which one mistake is looked for that
-# leaves this part of it, and from which it is told without one. Physical causes leave under 0.05: benchmarks/mistakes.py look.
-UNEXPLAINED, LEFT, NONSENSE = 0.1, 0.25, 0.5
+# leaves this part of it; it is told without one, too. Physical causes leave under 0.05: benchmarks/mistakes.py look.
+UNEXPLAINED, LEFT = 0.1, 0.25
+# Mistakes that leave up to so many times what the best leaves, or this part of what the rows leave as they stand, are not
+# told apart.
+ALIKE, NEARLY = 1.5, 0.01
+# Rows that fit no springs which fit the others matter where, without them, at most this part is left: a cause leaves more.
+MATTERS = 0.5
 
 
 def first_look(data: LoadTest) -> Finding | None:
     """What is implausible about the size and the directions of the readings (CS0115); None where nothing is."""
-    unloaded, data = _unloaded(data), with_readings(data)
+    unloaded, loaded, data = _unloaded(data), len(with_readings(data, None).rows), with_readings(data)
     if not len(data.rows):
         return None
     said, settles = [], []
@@ -51,18 +59,40 @@ def first_look(data: LoadTest) -> Finding | None:
         said.append(_too(times))
         settles.append(f"compare one reading with the instrument's display{PRIOR}")
     left = unexplained(data)
-    if left > UNEXPLAINED:
-        mistake = _explaining(data, left)
-        if mistake is not None:
-            said.append(mistake.sentence.format(rows="all rows") + f": as they stand {left:.0%} of the readings fit no springs")
-            settles.append(mistake.settles)
-        elif left > NONSENSE:
-            said.append(f"the tool moves in directions in which no springs let it go: {left:.0%} of the readings fit none")
-            settles.append("are all loads, readings and angles in the columns they belong to, and is it the right robot? "
-                           "compstiff diagnose looks for the mistake")
+    odd = odd_rows(data)
+    rest = unexplained(data.with_rows(data.rows.select(~odd))) if odd.any() else left
+    matters = bool(odd.any()) and rest < MATTERS * left
+    usual = _explaining(data, left, None) if left > UNEXPLAINED else []
+    # One that is made in all rows mends them better than to leave out those that fit the others least.
+    if usual and usual[0].left <= max(rest if matters else left, NEARLY * left):
+        said.append(usual[0].mistake.sentence.format(rows="all rows") + f": as they stand {left:.0%} of the readings fit no "
+                    f"springs, so mended {max(usual[0].left, 0.0):.2%}")
+        settles.append(usual[0].mistake.settles)
+    elif matters:
+        every = int(np.ceil(loaded / ENOUGH))
+        words, settled = _said_of_rows(data, left, rest, odd, where(data, odd, every))
+        said.append(words)
+        settles.append(settled)
+    elif left > UNEXPLAINED:
+        said.append(f"the tool moves in directions in which no springs let it go: {left:.0%} of the readings fit none")
+        settles.append("are all loads, readings and angles in the columns they belong to, and is it the right robot? "
+                       "compstiff diagnose looks for the mistake")
     if not said:
         return None
     return Finding("CS0115", "warning", "; ".join(said), file=data.rows.source, hint="check: " + "; ".join(settles))
+
+
+def _said_of_rows(data: LoadTest, left: float, rest: float, odd: NDArray[np.bool_], words: str) -> tuple[str, str]:
+    """What is said of rows (n,), in words, that fit no springs which fit the others, and what would settle it."""
+    usual = _explaining(data, left, odd)
+    alike = [one.mistake for one in usual if one.left < max(ALIKE * usual[0].left, NEARLY * left)]
+    if not alike:
+        return (f"{words} fit no springs that fit the others: with them {left:.1%} of the readings fit none, without them "
+                f"{max(rest, 0.0):.1%}", "was something in these rows moved, read or typed otherwise, or does something else "
+                "than springs give way there? compstiff diagnose looks for it")
+    more = f" (or {counted(len(alike) - FEW, 'more mistake')} would mend them as well)" if len(alike) > FEW else ""
+    said = ", or ".join(one.sentence.format(rows="them").replace(", in", " in") for one in alike[:FEW])
+    return f"{words} fit no springs that fit the others: {said}{more}", alike[0].settles
 
 
 def refuse_absurd(data: LoadTest) -> None:
@@ -105,11 +135,11 @@ def _sizes(deflection: Array) -> Array:
     return np.asarray(np.linalg.norm(np.nan_to_num(deflection), axis=1))
 
 
-def with_readings(data: LoadTest) -> LoadTest:
-    """Rows with a load and a reading, at most ENOUGH, evenly over them."""
+def with_readings(data: LoadTest, most: int | None = ENOUGH) -> LoadTest:
+    """Rows with a load and a reading, at most so many, evenly over them."""
     rows = np.flatnonzero(np.any(data.rows.wrench != 0, axis=1) & np.any(np.nan_to_num(data.rows.deflection) != 0, axis=1))
     kept = np.zeros(len(data.rows), dtype=bool)
-    kept[rows[::int(np.ceil(len(rows) / ENOUGH)) or 1]] = True
+    kept[rows[::int(np.ceil(len(rows) / most)) or 1] if most else rows] = True
     return data.with_rows(data.rows.select(kept))
 
 
@@ -122,13 +152,20 @@ def _columns(data: LoadTest) -> tuple[Array, Array, float]:
     return columns[measured], rows.deflection[measured], float(variance[measured].sum())
 
 
-def _explaining(data: LoadTest, left: float) -> Mistake | None:
-    """The usual mistake without which the springs explain the readings best, if they do."""
+@dataclass(frozen=True, eq=False)
+class _Usual:
+    """A usual mistake, and the share of the readings that no springs explain once it is mended."""
+
+    mistake: Mistake
+    left: float
+
+
+def _explaining(data: LoadTest, left: float, rows: NDArray[np.bool_] | None) -> list[_Usual]:
+    """The usual mistakes without which springs explain the readings, the best first; made in all rows, or in these."""
     tried = (*axes_mistakes(data), *joint_mistakes(data), *reading_mistakes(data), *cell_mistakes(data))
-    candidates = [mistake for mistake in tried if mistake.usual]
-    each = [unexplained(mistake.mended(data), data) for mistake in candidates]
-    best = int(np.argmin(each))
-    return candidates[best] if each[best] < LEFT * left else None
+    each = [_Usual(mistake, unexplained(mistake.mended(data, rows), data)) for mistake in tried
+            if mistake.usual and (rows is None or mistake.of == "table")]
+    return sorted((one for one in each if one.left < LEFT * left), key=lambda one: one.left)
 
 
 def _too(smaller: float) -> str:

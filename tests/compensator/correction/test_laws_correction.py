@@ -180,7 +180,7 @@ def test_a_program_that_does_not_read_back_is_not_written(sample: Corrected, mon
         assert old != new
         spoiled = sample.content.replace(old, new, 1)
 
-        monkeypatch.setattr(pipeline, "rewrite", lambda *_, content=spoiled: Rewritten(content, (), 0, 0))
+        monkeypatch.setattr(pipeline, "rewrite", lambda *_, content=spoiled, **__: Rewritten(content, (), 0, 0))
         with pytest.raises(CompstiffError, match="CS4203.*does not read back"):
             correct(sample.predicted)
 

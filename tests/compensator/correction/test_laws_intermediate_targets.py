@@ -400,6 +400,12 @@ def test_points_of_a_grid_are_driven_like_the_moves_they_lie_on(tmp_path: Path) 
     assert grid is not None
     assert grid.targets.tolist() == list(range(16, 24))
     assert grid.further.sum() == 9
+    assert not grid.crowded.any()
+    apart = np.full(41, 0.05)
+    close = fine_grid(planned.program.text, planned.path, apart, pieces, 1e-5, keep=False, whole=False)
+    assert close is not None        # points nearer to the move's ends than targets may stand: no want of room on the move
+    np.testing.assert_array_equal(close.crowded[close.further], ~close.may[close.further] & ~close.beside_zone[close.further])
+    assert 0 < close.crowded.sum() < close.further.sum()
     fine = grid_path(planned.path, grid)
     assert fine.reached.all()
     for k, point in enumerate(np.flatnonzero(grid.further)):

@@ -28,7 +28,7 @@ def test_what_is_not_beyond_doubt_is_named() -> None:
     assert "stands for" not in named_columns(["Zeit [s]", "Fx [N]", "Fy [N]", "Fz [N]"])
 
 
-@pytest.mark.parametrize("header", ["Fx;Fy;Fz", "Fx [kN];Fy [kN];Fz [kN]", "Fx [N];Fy [N]", "Fx [N];Fx [N];Fy [N];Fz [N]",
+@pytest.mark.parametrize("header", ["Fx;Fy;Fz", "Fx [kN];Fy [N];Fz [kN]", "Fx [N];Fy [N]", "Fx [N];Fx [N];Fy [N];Fz [N]",
                                     "Fx [Nm];Fy [Nm];Fz [Nm]", "", "x [m];fx_n;fy_n"])
 def test_doubt_is_no_name(header: str) -> None:
     assert named_columns(header.split(";")) == ""
@@ -51,3 +51,8 @@ def test_the_line_works(tmp_path: Path, above: str, encoding: str) -> None:
     assert read.code == 0, read
     other = log.rename(tmp_path / "log_0815.csv")
     assert "force log" in kit.run("check", cell, other).out, "told by its columns, whatever its name"
+
+
+def test_kilonewtons_are_told_with_their_scale() -> None:
+    told = named_columns(["Zeit [ms]", "Fx [kN]", "Fy [kN]", "Fz [kN]", "X [mm]"])
+    assert "columns: [time_ms, fx_counts, fy_counts, fz_counts, x_mm], and counts_per_n: 0.001" in told

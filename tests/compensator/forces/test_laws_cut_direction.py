@@ -62,6 +62,20 @@ def test_right_logs_are_left_in_peace_and_most_wrong_ones_are_told(jobs: list) -
     assert np.mean(told["frame"]) > 0.5
 
 
+def test_the_frame_in_which_a_cutter_may_feel_it_is_named_with_both_figures(jobs: list) -> None:
+    """Where the direction of push is none of a cutter in the stated frame, and is one in another."""
+    named = []
+    for path, force, _ in jobs:
+        cuts = travel(path, np.any(force != 0, axis=1))
+        for true in FRAMES:
+            for stated in FRAMES:
+                said = [one.message for one in said_of_direction(cuts, read_as(path, force, true, 1.0), stated, "log")
+                        if one.code == "CS3068"]
+                named += [f"read in the frame {true} it would be" in said[0]] if said else []
+    assert len(named) >= 10
+    assert np.mean(named) > 0.8
+
+
 def warnings(findings: list) -> set[str]:
     return {finding.code for finding in findings if finding.level == "warning"}
 

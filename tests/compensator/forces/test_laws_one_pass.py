@@ -74,6 +74,20 @@ def test_a_log_that_comes_back_to_a_tenth_is_of_one_pass(again: int, refused: bo
     assert (stopped.value.findings[0].code, stopped.value.findings[0].line) == ("CS3119", 102)
 
 
+@pytest.mark.parametrize(("moved", "level"), [(0, ""), (2, "warning"), (40, "error")])
+def test_numbers_that_rise_where_the_program_drives_otherwise_are_those_of_no_text(moved: int, level: str) -> None:
+    """The last targets of the text are driven first: a logger that counts as the tool goes numbers them 0, 1, ..."""
+    driven = np.roll(np.arange(100), moved)
+    numbers = np.repeat(np.arange(100), 3)
+    assert check_once(log_of(np.repeat(driven, 3).tolist(), "target"), np.repeat(driven, 3), driven) == []
+    try:
+        said = check_once(log_of(numbers.tolist(), "target"), numbers, driven)
+    except CompstiffError as stopped:
+        said = list(stopped.findings)
+    assert [(one.code, one.level) for one in said] == ([("CS3119", level)] if level else [])
+    assert all(f"drives target {100 - moved} before {99 - moved}" in one.message for one in said)
+
+
 @pytest.mark.parametrize(("length", "said"), [(1.0, False), (1.01, False), (3.0, True)])
 def test_a_log_by_path_length_that_goes_on_is_told_what_to_do(length: float, said: bool) -> None:
     place = np.linspace(0.0, length, 200)

@@ -57,7 +57,8 @@ def test_places_beside_a_target_that_is_handed_over_are_known_and_left() -> None
 
 @pytest.mark.parametrize("routines", [
     f"PROC cut(robtarget p)\np.trans.z:=5;\n{move('p')}ENDPROC\n",
-    f"PROC cut(VAR robtarget p)\n{move('p')}ENDPROC\n",
+    f"PROC cut(VAR robtarget p)\n{move('p')}p.trans.z:=5;\nENDPROC\n",
+    f"PROC cut(INOUT robtarget p)\n{move('p')}elsewhere p;\nENDPROC\n",
     f"PROC cut(robtarget p)\n{move('p')}{move(target(1))}ENDPROC\n",
     f"PROC cut(robtarget p)\n{move('p')}PDispOn p10,tool0;\n{move('p')}PDispOff;\nENDPROC\n",
 ])
@@ -73,10 +74,95 @@ def test_data_of_the_caller_are_not_taken_for_those_of_the_routine() -> None:
     assert "parameter" in read.toolpath.block[0]
 
 
-def test_calls_of_another_module_are_not_followed() -> None:
-    """What is corrected would be declared LOCAL, beside a target that stands with the routine."""
-    text = f"MODULE A\nPROC main()\ncut p10;\nENDPROC\nENDMODULE\nMODULE B\n{DATA}{CUT}ENDMODULE\n"
-    read = read_rapid(text.encode(), "two.mod")
+@pytest.mark.parametrize(("mode", "storage"), [("VAR", "VAR"), ("PERS", "PERS"), ("INOUT", "PERS"), ("INOUT", "VAR")])
+def test_a_target_by_reference_is_followed_and_its_copy_is_of_its_kind(mode: str, storage: str) -> None:
+    """A controller refuses to load a call that hands a constant to a reference."""
+    read = program("cut p10;\ncut p12;\ncut p10;", CUT.replace("(robtarget", f"({mode} robtarget"),
+                   DATA.replace("CONST", storage))
+    np.testing.assert_allclose(numbers(read), [10, 12, 10], atol=1e-6)
+    written = moved(read, [0, 1]).decode()
+    assert f"LOCAL {storage} robtarget p10_c1:=" in written
+    assert "CONST" not in written
+    assert "cut p10_c1;\ncut p12_c1;\ncut p10;" in written
+
+
+def moved(read: RapidProgram, which: list[int]) -> bytes:
+    """The program with these targets a tenth of a millimetre aside, as it is read again."""
+    places = read.toolpath.position.copy()
+    places[which] += [1e-4, 0, 0]
+    written = rewrite(read, which, places[which], read.toolpath.quaternion[which]).content
+    np.testing.assert_allclose(read_rapid(written, "handed.mod").toolpath.position, places, atol=1e-9)
+    return written
+
+
+ARRAY = f"CONST robtarget a{{4}}:=[{','.join(target(k) for k in range(10, 14))}];\n"
+GRID = f"CONST robtarget g{{2,2}}:=[[{target(10)},{target(11)}],[{target(12)},{target(13)}]];\n"
+
+
+@pytest.mark.parametrize(("body", "data", "driven"), [
+    ("FOR i FROM 1 TO 4 DO\ncut a{i};\nENDFOR", ARRAY, [10, 11, 12, 13]),
+    ("FOR i FROM 4 TO 1 STEP -2 DO\ncut a{i};\nENDFOR\ncut p11;", DATA + ARRAY, [13, 11, 11]),
+    (f"FOR i FROM 1 TO Dim(a,1) DO\ncut a{{i}};\nENDFOR\n{move(target(3))}", ARRAY, [10, 11, 12, 13, 3]),
+    ("FOR i FROM 1 TO 2 DO\nFOR j FROM 1 TO 2 DO\ncut g{i,j};\nENDFOR\nENDFOR", GRID, [10, 11, 12, 13]),
+])
+def test_a_loop_hands_over_an_element_each_turn(body: str, data: str, driven: list[int]) -> None:
+    """What is corrected is written into the array alone."""
+    read = program(body, data=data)
+    np.testing.assert_allclose(numbers(read), driven, atol=1e-6)
+    looped = [target for target in read.scan.looped if not read.toolpath.block[target]]
+    assert looped
+    written = moved(read, looped)
+    assert f"PROC main()\n{body}\nENDPROC\n{CUT}".encode() in written
+    assert b"_c1" not in written
+
+
+@pytest.mark.parametrize(("body", "data", "driven", "left"), [
+    ("FOR i FROM 1 TO 3 DO\nline a{i},a{i+1};\nENDFOR", ARRAY, [10, 11, 11, 12, 12, 13], 4),
+    (f"FOR i FROM 1 TO 4 DO\ncut a{{i}};\nENDFOR\n{move('a{2}')}", ARRAY, [10, 11, 12, 13, 11], 1),
+    ("FOR i FROM 1 TO 2 DO\ncut a{i};\ncut p11;\nENDFOR", DATA + ARRAY, [10, 11, 11, 11], 2),
+    ("FOR i FROM 1 TO 4 DO\ncut a{i};\nENDFOR\nq:=a{1};", f"VAR robtarget q;\n{ARRAY}", [10, 11, 12, 13], 4),
+])
+def test_an_element_that_something_else_uses_stays(body: str, data: str, driven: list[int], left: int) -> None:
+    line = f"PROC line(robtarget b,robtarget c)\n{move('b')}{move('c')}ENDPROC\n"
+    read = program(body, CUT + line, data)
+    looped = sorted(read.scan.looped)
+    np.testing.assert_allclose(numbers(read), driven, atol=1e-6)
+    assert sum(bool(read.toolpath.block[target]) for target in looped) == left
+    assert any(finding.level == "warning" and finding.code == "CS2059" for finding in read.toolpath.findings)
+    free = [target for target in looped if not read.toolpath.block[target]]
+    assert body.encode() in moved(read, free) if free else left
+
+
+@pytest.mark.parametrize("body", [
+    "FOR i FROM 1 TO n DO\ncut a{i};\nENDFOR", "FOR i FROM 1 TO 4 DO\nIF i=2 cut a{i};\nENDFOR",
+    "FOR n FROM 1 TO 4 DO\ncut a{n};\nENDFOR", "WHILE n<4 DO\ncut a{n};\nENDWHILE"])
+def test_other_loops_are_not_followed(body: str) -> None:
+    read = program(body, data=f"VAR num n;\n{ARRAY}")
+    assert len(read.toolpath) == 1
+    assert read.toolpath.block[0]
+    assert "CS2056" in {finding.code for finding in read.toolpath.findings}
+
+
+def two_modules(first: str, second: str, calls: str = "cut p10;\ncut p11;\ncut p10;") -> RapidProgram:
+    text = f"MODULE A\n{first}PROC main()\n{calls}\nENDPROC\nENDMODULE\nMODULE B\n{second}ENDMODULE\n"
+    return read_rapid(text.encode(), "two.mod")
+
+
+@pytest.mark.parametrize(("first", "second"), [(DATA, CUT), ("", DATA + CUT)])
+def test_calls_of_another_module_are_given_what_both_see(first: str, second: str) -> None:
+    """What is declared for the call is seen there, wherever its target stands."""
+    read = two_modules(first, second)
+    np.testing.assert_allclose(numbers(read), [10, 11, 10], atol=1e-6)
+    written = moved(read, [0, 1])
+    assert b"\nCONST robtarget p10_c1:=" in written
+    assert b"LOCAL" not in written
+    assert b"cut p10_c1;\ncut p11_c1;\ncut p10;" in written
+
+
+@pytest.mark.parametrize(("first", "second"), [
+    (DATA.replace("CONST", "LOCAL CONST"), CUT), (DATA, f"LOCAL {CUT}"), (DATA, DATA.replace("CONST", "LOCAL CONST") + CUT)])
+def test_what_one_module_alone_sees_is_not_followed_into_another(first: str, second: str) -> None:
+    read = two_modules(first, second)
     assert "parameter" in read.toolpath.block[0]
 
 

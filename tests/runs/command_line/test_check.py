@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -235,6 +236,45 @@ def test_readings_that_no_such_robot_gives_are_one_finding(folder: Path, names: 
     assert [finding["code"] for finding in findings] == ["CS0115"]
     assert said in findings[0]["message"], findings
     assert findings[0]["hint"].startswith("check: ")
+
+
+def spoilt_in(rows: np.ndarray, spoil: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
+    def change(values: np.ndarray) -> np.ndarray:
+        values = values.copy()
+        values[rows] = spoil(values[rows])
+        return values
+
+    return change
+
+
+@pytest.mark.parametrize(("spoil", "said"), [
+    (lambda d: -d, "all forces (or all deflections: that is the same to the springs) seem to have the other sign in them"),
+    (lambda d: d / 10, "deflections seem to be ten times too small in them"),
+    (lambda d: d[::-1] * [1, -1, 1], "of the readings fit none, without them"),
+])
+@pytest.mark.parametrize("part", [0.1, 0.3, 0.45])
+def test_rows_that_fit_no_springs_which_fit_the_others_are_named(
+    folder: Path, part: float, spoil: Callable[[np.ndarray], np.ndarray], said: str
+) -> None:
+    """From a tenth to nearly half of the table, with their lines, and what would mend them where something usual does."""
+    sheet = folder / "measurements.csv"
+    count = len(sheet.read_text().splitlines()) - 1
+    rows = np.arange(count // 4, count // 4 + round(part * count))
+    sheet.write_text(kit_mistakes.columns(kit_mistakes.READINGS, spoilt_in(rows, spoil))(sheet.read_text()))
+    finding, = check(folder, sheet).json["findings"]
+    assert finding["code"] == "CS0115"
+    assert "rows with a load (lines " in finding["message"]
+    assert "fit no springs that fit the others: " in finding["message"]
+    assert said in finding["message"], finding
+
+
+def test_one_reading_ten_times_too_large_is_not_said_of_all_rows(folder: Path) -> None:
+    sheet = folder / "measurements.csv"
+    wild = spoilt_in(np.array([7]), lambda d: 10 * d)
+    sheet.write_text(kit_mistakes.columns(kit_mistakes.READINGS, wild)(sheet.read_text()))
+    finding, = check(folder, sheet).json["findings"]
+    assert "1 of 60 rows with a load (line 9)" in finding["message"]
+    assert "all rows" not in finding["message"]
 
 
 @pytest.mark.parametrize("command", ["identify", "diagnose"])

@@ -76,6 +76,42 @@ def test_such_moves_are_corrected_where_the_text_settles_them(tmp_path: Path, na
     np.testing.assert_allclose(deviations(tmp_path)[at], meant, atol=0.5)
 
 
+def test_forces_behind_a_routine_of_another_file_do_not_land_on_other_targets(tmp_path: Path) -> None:
+    """It is given a target and drives from there: its way is in the log, and nobody knows how long it is."""
+    path = Path3(POINTS)
+    head, body = programs(path)["written"].split("PROC main()\n")
+    body = "".join(line + "\n" for line in body.splitlines() if "aWay{" not in line)
+    lines = body.splitlines(keepends=True)
+    text = f"{head}PROC main()\n{''.join(lines[:10])}    rTo aWay{{1}};\n{''.join(lines[10:])}"
+    result = Job(tmp_path, program=text, forces=log(path)).correct("--json", "--keep-targets")
+    assert result.code == 0, result
+    assert {"CS2016", "CS3124"} <= kit.codes(result)
+    seen = deviations(tmp_path)
+    meant = kit.deviation(IRB6660, path.q[5], TOOL.p, np.r_[FORCE, 0, 0, 0], K) * 1e6
+    np.testing.assert_allclose(seen[5], meant, atol=0.5)
+    assert not np.nan_to_num(seen[10:]).any()
+
+
+def test_elements_that_a_loop_hands_over_are_corrected_in_the_array(tmp_path: Path) -> None:
+    """Each as under its own force: by target numbers, which count the calls in their order at the routine's place."""
+    path = Path3(POINTS[:10])
+    array = "CONST robtarget aCut{10}:=[" + ",\n".join(path.text) + "];\n"
+    head = kit.module([]).split("PROC")[0].rstrip()
+    text = (f"{head}\n{array}PROC main()\nFOR i FROM 1 TO 10 DO\nrCut aCut{{i}};\nENDFOR\nENDPROC\n"
+            f"PROC rCut(robtarget p)\n{kit.move('p')}\nENDPROC\nENDMODULE\n")
+    force = np.outer(np.arange(10), [9.0, -15, 6])
+    rows = "".join(f"{k},{','.join(f'{value:.4f}' for value in force[k])}\n" for k in range(10))
+    result = Job(tmp_path, program=text, forces=f"target,fx_n,fy_n,fz_n\n{rows}").correct("--json")
+    assert result.code == 0, result
+    for k, seen in enumerate(deviations(tmp_path)):
+        if k:
+            meant = kit.deviation(IRB6660, path.q[k], TOOL.p, np.r_[force[k], 0, 0, 0], K) * 1e6
+            np.testing.assert_allclose(seen, meant, atol=0.5)
+    written = (tmp_path / "out.mod").read_text()
+    assert "rCut aCut{i};" in written
+    assert written.count("robtarget") == text.count("robtarget")
+
+
 def test_a_log_that_does_not_count_its_way_is_used(tmp_path: Path) -> None:
     path = Path3(POINTS)
     result = Job(tmp_path, program=programs(path)["loop"], forces=log(path, True)).correct("--json", "--keep-targets")

@@ -23,6 +23,7 @@ def levels(result: kit.Result, code: str) -> list[str]:
 @pytest.mark.parametrize("body", [
     "A FOR i FROM 1 TO GInput(giPasses) DO AWAY ENDFOR B",
     "nTurn:=GInput(giPasses); A WHILE nTurn>0 DO AWAY nTurn:=nTurn-1; ENDWHILE B",
+    "A WHILE DInput(diMore)=1 DO AWAY ENDWHILE B",
 ])
 def test_the_log_tells_how_often_a_loop_was_driven(tmp_path: Path, body: str, turns: int, key: str) -> None:
     path = Path3(np.array(POINTS, dtype=float))
@@ -123,7 +124,7 @@ def test_a_log_by_path_length_through_a_parameter_that_is_not_followed_is_refuse
     path = Path3(np.array(POINTS, dtype=float))
     text, _ = program(path, f"AWAY {' '.join(20 * [f'cut p{k};' for k in range(8)])} B")
     data = "".join(f"VAR robtarget p{k}:={path.text[A[k + 1]]};\n" for k in range(8))
-    cut = f"PROC cut(VAR robtarget p)\n{kit.move('p')}\nENDPROC\n"
+    cut = f"PROC cut(VAR robtarget p)\n{kit.move('p')}\np.trans.x:=0;\nENDPROC\n"
     text = text.replace("PROC main", f"{data}PROC main").replace("ENDMODULE", f"{cut}ENDMODULE")
     log = log_of(path, [*AWAY, *20 * list(A[1:9]), *B], "path_mm")
     result = Job(tmp_path, program=text, forces=log).correct("--json")
