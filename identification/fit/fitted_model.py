@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identification.fit.load_test import LoadTest
 from identification.fit.priors import PriorModel
-from identification.model.compliance import equilibrium, sensitivity
+from identification.model.compliance import sensitivity
 from identification.model.effects_in_force import (
     EFFECTS,
     SPRINGS,
@@ -53,10 +53,9 @@ class Term(EffectInForce):
 
 def predicted_deflection(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -> Array:
     """Readings (n, 3) [m] the model gives for these rows; x (6 + P,)."""
-    cell, rows, compliance = data.cell, data.rows, np.exp(x[SPRINGS])
-    if not terms and cell.robot.link_mass is None:
-        return equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, compliance).position
-    state = data.load_state(compliance)
+    state = data.load_state(np.exp(x[SPRINGS]))
+    if not terms and state.robot.link_mass is None:
+        return state.at_rest.position
     return np.asarray((state.elastic + state.of_weight + added(state, terms, x[EFFECTS]))[:, :3])
 
 
