@@ -55,8 +55,8 @@ def predicted_deflection(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -
     """Readings (n, 3) [m] the model gives for these rows; x (6 + P,)."""
     state = data.load_state(np.exp(x[SPRINGS]))
     if not terms and state.robot.link_mass is None:
-        return state.at_rest.position
-    return np.asarray((state.elastic + state.of_weight + added(state, terms, x[EFFECTS]))[:, :3])
+        return state.elastic_position
+    return np.asarray(state.elastic_position + state.of_weight[:, :3] + added(state, terms, x[EFFECTS])[:, :3])
 
 
 def response(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -> tuple[Array, Array]:
