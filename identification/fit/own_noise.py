@@ -83,17 +83,21 @@ class RememberingRows:
             own = own * (seen[:, :, None] * seen[:, None, :]) + (1.0 - seen)[:, :, None] * EYE
         log_determinant = np.zeros(len(sensor)) - float(np.sum(measured * np.log(row_weight)[:, None]))
         covariance, fresh, kept_twice = np.repeat(size, len(steps[0]), axis=1), (1.0 - kept**2) * size, kept**2
-        filters = []
+        placed, filters, end = own[:, np.concatenate(steps)], np.zeros((*own.shape[:2], 6, 3)), 0
+        each = []
         for rows in steps:
-            covariance = covariance[:, : len(rows)]
+            place = slice(end, end + len(rows))
+            end, both, covariance = place.stop, filters[:, place], covariance[:, : len(rows)]
             met = covariance if whole else seen[rows][:, :, None] * covariance
-            whitening, determinant = whitening_of_three(own[:, rows] + (met if whole else met * seen[rows][:, None, :]))
+            determinant = whitening_of_three(
+                placed[:, place] + (met if whole else met * seen[rows][:, None, :]), both[:, :, :3])
             log_determinant += np.log(determinant).sum(axis=1)
-            white = whitening @ met
+            white = both[:, :, :3] @ met
             carried = white.swapaxes(2, 3)
             covariance = kept_twice * (covariance - carried @ white) + fresh
-            filters.append(np.concatenate([whitening, kept * (carried @ whitening)], axis=2))
-        return cls(steps, seen, np.sqrt(row_weight), rho, log_determinant, filters)
+            np.multiply(kept, carried @ both[:, :, :3], out=both[:, :, 3:])
+            each.append(both)
+        return cls(steps, seen, np.sqrt(row_weight), rho, log_determinant, each)
 
     @cached_property
     def _order(self) -> Indices:
@@ -190,16 +194,15 @@ def inverse_of_three(matrix: Array) -> tuple[Array, Array]:
     return np.asarray(inverse.reshape(matrix.shape)), first * second * third
 
 
-def whitening_of_three(matrix: Array) -> tuple[Array, Array]:
-    """R (..., 3, 3), lower triangular, with R^T R the inverse of symmetric positive definite matrices, and their determinant
-    (...), as `inverse_of_three` does."""
+def whitening_of_three(matrix: Array, root: Array) -> Array:
+    """R (..., 3, 3), lower triangular, with R^T R the inverse of symmetric positive definite matrices, into `root`, which is
+    zero above the diagonal, and their determinant (...), as `inverse_of_three` does."""
     diagonal, (low, corner, lowest) = _factors(matrix)
-    root = np.zeros(matrix.shape)
     for row, size in enumerate(diagonal):
         root[..., row, row] = 1 / np.sqrt(size)
     root[..., 1, 0] = low * root[..., 1, 1]
     root[..., 2, 0], root[..., 2, 1] = corner * root[..., 2, 2], lowest * root[..., 2, 2]
-    return root, diagonal[0] * diagonal[1] * diagonal[2]
+    return diagonal[0] * diagonal[1] * diagonal[2]
 
 
 def _factors(matrix: Array) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:
