@@ -125,4 +125,12 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
      "a bound on a real number, met exactly by none"),
     ("identification/fit/variance_components.py", "break", "break -> continue",
      "saves time: further steps gain no more than is too little for one"),
+    ("identification/diagnosis/naming.py",
+     "together = off @ np.linalg.solve(covariance, off) < chi2_above(float(chi2_tail(NOTHING**2, 1)), len(off))", "** -> *",
+     "2.0 times two is 2.0 squared"),
+    ("identification/diagnosis/naming.py",
+     "together = off @ np.linalg.solve(covariance, off) < chi2_above(float(chi2_tail(NOTHING**2, 1)), len(off))", "< -> <=",
+     "a limit on a real number, met exactly by none"),
+    ("identification/diagnosis/search.py", "ROWS_KEPT = 1000", "1000 -> (1000 * 2)",
+     "saves memory: what is kept is what would be looked at again"),
 )
