@@ -133,4 +133,11 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
      "a limit on a real number, met exactly by none"),
     ("identification/diagnosis/search.py", "ROWS_KEPT = 1000", "1000 -> (1000 * 2)",
      "saves memory: what is kept is what would be looked at again"),
+    ("identification/model/effects/tool_play.py",
+     "return rows.turned(pivot, compliance * beyond * across / np.maximum(size, 1e-300))", "1e-300 -> (1e-300 * 2)",
+     "divides nothing by something: where there is no moment nothing is beyond what holds"),
+    ("identification/model/effects/base_rocking.py",
+     'AXIS = Parameter("axis_rad", "rad", 0.8, -3.1416, 3.1416, grid=tuple((np.arange(8) * np.pi / 4 '
+     "- 0.75 * np.pi).round(4)),",
+     "4 -> (4 * 2)", "digits of a direction in which a search begins"),
 )
