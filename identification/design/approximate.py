@@ -52,7 +52,7 @@ def best_weights(task: Task, runs: Pool, start: Array) -> Array:
     flat = scaled.reshape(len(scaled), -1)
 
     def objective(weight: Array) -> tuple[float, Array]:
-        information = task.prior + np.einsum("n,nij->ij", weight, scaled)
+        information = task.prior + (weight @ flat).reshape(task.prior.shape)
         return -float(np.log(criterion.smooth(information))), -flat @ criterion.slope(information).ravel()
 
     sums = (group[None, :] == np.unique(group)[:, None]).astype(float)

@@ -115,7 +115,9 @@ def inequality_slopes(
         tcp = by_angles(robot, arm.serial)
         parts += [-tcp, tcp]
         after = 6
-    return np.concatenate(parts, axis=2), np.pad(by_line, ((0, 0), (0, 0), (before, after)))
+    line = np.zeros((count, 3, before + by_line.shape[2] + after))
+    line[:, :, before: before + by_line.shape[2]] = by_line
+    return np.concatenate(parts, axis=2), line
 
 
 def _phi_slope(phi: float, arm: Stance) -> Array:
@@ -153,7 +155,8 @@ def _signal_slopes(
     softened = arm.columns * rig.compliance
     by_columns = toward[:, :, :, None] * (force @ softened)[:, :, None, :] + force[:, :, :, None] * (
         toward @ softened)[:, :, None, :]
-    by_angle = np.einsum("nrai,nmai->nmr", by_columns, columns_slope)
+    count = len(runs)
+    by_angle = columns_slope.reshape(count, 6, 18) @ by_columns.reshape(count, 4, 18).swapaxes(1, 2)
     by_force = (toward @ softened) @ np.swapaxes(arm.columns, 1, 2)
     line = by_force * loads.peak_by_line[runs[:, None], which][:, :, None]
     return np.asarray(by_angle), np.swapaxes(line, 1, 2)

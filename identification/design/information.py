@@ -50,7 +50,7 @@ def instrument(cell: Cell, compliance: Array | None = None) -> Instrument:
 
 
 @dataclass(frozen=True, eq=False)
-class _Parts:
+class Parts:
     """The pieces of m for n runs with K distinct loads, as named above; `weighted` N^-1 D, `inner` R (1 + R T R)^-1 R."""
 
     carried: Array
@@ -62,7 +62,8 @@ class _Parts:
     inner: Array
 
 
-def _parts(rig: Instrument, columns: Array, loads: Loads) -> _Parts:
+def parts_of(rig: Instrument, columns: Array, loads: Loads) -> Parts:
+    """Of n runs; columns (n, 3, 6) [m/rad]: position rows of the springs' Jacobian."""
     softened = columns * rig.compliance
     carried = softened @ np.swapaxes(columns, 1, 2)
     loaded = np.any(loads.force != 0, axis=-1, keepdims=True)
@@ -75,25 +76,28 @@ def _parts(rig: Instrument, columns: Array, loads: Loads) -> _Parts:
     shared = np.sum(loads.surplus[:, :, None, None] * weighted, axis=1)
     root = np.diag(rig.offset)
     inner = root @ np.linalg.inv(np.eye(3) + root @ common @ root) @ root
-    return _Parts(carried, variance, precision, design, weighted, shared, inner)
+    return Parts(carried, variance, precision, design, weighted, shared, inner)
 
 
-def run_information(rig: Instrument, columns: Array, loads: Loads) -> Array:
-    """m (n, 6, 6) of n runs; columns (n, 3, 6) [m/rad]: position rows of the springs' Jacobian."""
-    parts = _parts(rig, columns, loads)
+def run_information(rig: Instrument, columns: Array, loads: Loads, parts: Parts | None = None) -> Array:
+    """m (n, 6, 6) of n runs; columns (n, 3, 6) [m/rad]: position rows of the springs' Jacobian; parts: where they are at
+    hand."""
+    parts = parts_of(rig, columns, loads) if parts is None else parts
     total = np.sum(loads.rows[:, :, None, None] * (np.swapaxes(parts.design, 2, 3) @ parts.weighted), axis=1)
     result = total - np.swapaxes(parts.shared, 1, 2) @ parts.inner @ parts.shared
     return np.asarray(0.5 * (result + np.swapaxes(result, 1, 2)))
 
 
-def information_slope(rig: Instrument, columns: Array, loads: Loads, weight: Array) -> tuple[Array, Array]:
+def information_slope(
+    rig: Instrument, columns: Array, loads: Loads, weight: Array, parts: Parts | None = None
+) -> tuple[Array, Array]:
     """Derivatives of trace(weight m) (n,): by the columns (n, 3, 6), and by the loads' forces (n, K, 3); weight (6, 6)
     symmetric.
 
     Backwards through the formula: X = I B and Y = X W with I the inner matrix and W the weight; the derivative by
     N_l^-1 is `n (D W D^T + X W X^T) - s (Y D^T + D Y^T)`, by D_l `2 N^-1 (n D W - s Y)`, n rows, s their surplus.
     """
-    parts = _parts(rig, columns, loads)
+    parts = parts_of(rig, columns, loads) if parts is None else parts
     rows, surplus = loads.rows[:, :, None, None], loads.surplus[:, :, None, None]
     across = (parts.inner @ parts.shared)[:, None]
     mixed = across @ weight

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from identification.design.constraints import inequalities, inequality_slopes
 from identification.design.criteria import Criterion
 from identification.design.domain import TOLERANCE, Domain, Pool
-from identification.design.information import information_slope, run_information
+from identification.design.information import Parts, information_slope, parts_of, run_information
 from identification.design.loads import Loads
 from identification.design.stance import Stance, by_angles, columns_slope
 from identification.design.task import Task
@@ -58,6 +58,7 @@ class _Point:
     theta: Array
     arm: Stance
     loads: Loads
+    parts: Parts
     information: Array
 
     @cached_property
@@ -85,8 +86,10 @@ class _Problem:
         if self._last is None or not np.array_equal(self._last.x, x):
             theta, line = self.split(x)
             arm, loads = self.domain.look(theta), self.domain.table.of(self.start.slot, line)
-            information = run_information(self.domain.rig, arm.columns, loads)
-            self._last = _Point(x.copy(), self.domain.rig.cell.robot, theta, arm, loads, information)
+            rig = self.domain.rig
+            parts = parts_of(rig, arm.columns, loads)
+            information = run_information(rig, arm.columns, loads, parts)
+            self._last = _Point(x.copy(), rig.cell.robot, theta, arm, loads, parts, information)
         return self._last
 
     def value(self, x: Array) -> float:
@@ -96,8 +99,10 @@ class _Problem:
     def gradient(self, x: Array) -> Array:
         """Its derivative (N width,)."""
         point, rig = self.at(x), self.domain.rig
-        by_columns, by_force = information_slope(rig, point.arm.columns, point.loads, self.objective.slope(point.information))
-        by_theta = np.einsum("nai,nmai->nm", by_columns, point.columns_slope)
+        by_columns, by_force = information_slope(
+            rig, point.arm.columns, point.loads, self.objective.slope(point.information), point.parts)
+        count = len(by_columns)
+        by_theta = (point.columns_slope.reshape(count, 6, 18) @ by_columns.reshape(count, 18, 1))[:, :, 0]
         by_line = np.einsum("nk,nka->na", point.loads.by_line, by_force)
         return self._joined(by_theta[:, :, None], by_line[:, :, None]).ravel()
 

@@ -8,7 +8,6 @@ nearer the tool moves the TCP on.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +19,6 @@ from identification.model.rotations import Frame
 Array = NDArray[np.float64]
 NEARER_BASE = np.minimum.outer(np.arange(6), np.arange(6))
 NEARER_TOOL = np.maximum.outer(np.arange(6), np.arange(6))
-# The order of the two small products, said so that it is not searched for at every call.
-TWO_STEPS: Any = ["einsum_path", (0, 1), (0, 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +70,15 @@ def stance(robot: RobotModel, flange_from_tcp: Frame, theta: Array) -> Stance:
 
 def by_angles(robot: RobotModel, by_serial: Array) -> Array:
     """Derivatives (n, 6, ...) by the controller's angles from those by the serial ones (n, 6, ...)."""
-    return np.asarray(np.einsum("jm,nj...->nm...", robot.coupling, by_serial))
+    turned = robot.coupling.T @ by_serial.reshape(len(by_serial), 6, -1)
+    return np.asarray(turned.reshape(by_serial.shape))
 
 
 def columns_slope(robot: RobotModel, arm: Stance) -> Array:
     """Derivative (n, 6, 3, 6) of the springs' columns by the controller's angles, second index the angle."""
     moved = cross(arm.axes[:, NEARER_BASE], arm.serial[:, NEARER_TOOL])
-    return np.asarray(np.einsum("nija,is,jm->nmas", moved, robot.load_matrix, robot.coupling, optimize=TWO_STEPS))
+    # [pose, component, spring, angle]: two products of matrices, since einsum takes longer to find them than to do them.
+    return np.asarray((robot.load_matrix.T @ moved.transpose(0, 3, 1, 2) @ robot.coupling).transpose(0, 3, 1, 2))
 
 
 def lever_slope(arm: Stance) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import ReferenceType, WeakKeyDictionary, ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,8 +150,33 @@ class Dictionary:
         return Term(effect, joint, np.clip(values, *bounds.T), effect.typical(state, joint), effect.neutral(state))
 
 
+@dataclass(frozen=True)
+class _Made:
+    """A dictionary that may still be in use, with what it was made of."""
+
+    sight: ReferenceType[Sight]
+    catalogue: dict[str, Effect]
+    dictionary: ReferenceType[Dictionary]
+
+
+# Of a state that lives its last dictionary: who looks for causes and who tests what is left ask for the same one. It is kept by
+# its users alone, since of long load tests it is most of what is held.
+_MADE: WeakKeyDictionary[LoadState, _Made] = WeakKeyDictionary()
+
+
 def dictionary_of(state: LoadState, sight: Sight, catalogue: dict[str, Effect]) -> Dictionary:
     """All effects of the catalogue (`effects()`) at all their places, as these rows would show them."""
+    made = _MADE.get(state)
+    if made is not None and made.sight() is sight and made.catalogue is catalogue:
+        known = made.dictionary()
+        if known is not None:
+            return known
+    dictionary = _made_anew(state, sight, catalogue)
+    _MADE[state] = _Made(ref(sight), catalogue, ref(dictionary))
+    return dictionary
+
+
+def _made_anew(state: LoadState, sight: Sight, catalogue: dict[str, Effect]) -> Dictionary:
     entries: list[Entry] = []
     signatures: list[Signature] = []
     left_out = {}

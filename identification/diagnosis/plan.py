@@ -129,8 +129,9 @@ def judge_plan(cell: Cell, planned: Measurements) -> PlanOutlook:
                         np.ones(len(data.rows)))
     shown = noticed_from(base, dictionary, dictionary.entries, known, -float(np.log10(ALARM / len(dictionary.entries))))
     gram, slices = _gram(base, dictionary)
+    freed = _freed(gram, slices)
     needed = normal_above(ALARM / 2 / len(dictionary.entries)) + normal_above(1 - POWER)
-    outlooks = tuple(_outlook(dictionary, k, each.size, gram, slices, needed) for k, each in enumerate(shown))
+    outlooks = tuple(_outlook(dictionary, k, each.size, gram, slices, freed, needed) for k, each in enumerate(shown))
     return PlanOutlook(outlooks, dictionary.left_out, planned.findings)
 
 
@@ -185,13 +186,16 @@ def _linearised(
 
 
 def _outlook(
-    dictionary: Dictionary, number: int, detectable: float, gram: Array, slices: dict[int, slice], needed: float,
+    dictionary: Dictionary, number: int, detectable: float, gram: Array, slices: dict[int, slice], freed: list[_Freed],
+    needed: float,
 ) -> Outlook:
-    """Of one entry; detectable: its smallest size that is found; needed: the distance at which it is told from others."""
+    """Of one entry; detectable: its smallest size that is found; freed: all signatures; needed: the
+    distance at which it is told from others."""
     entry = dictionary.entries[number]
     own = [s for s in entry.signatures if s in slices]
-    mine = slices[in_the_middle({s: weakest(gram[slices[s], slices[s]]) for s in own})]
-    left = {other.label: min(_left(gram, mine, slices[s]) for s in other.signatures if s in slices)
+    mine = slices[in_the_middle({s: float(weakest(gram[slices[s], slices[s]])) for s in own})]
+    beside = _left(gram, mine, freed)
+    left = {other.label: min(beside[s] for s in other.signatures if s in slices)
             for k, other in enumerate(dictionary.entries) if k != number}
     worst = min(left.values(), default=np.inf)
     alike = tuple(label for label, value in sorted(left.items(), key=lambda item: item[1])
@@ -218,11 +222,36 @@ def _gram(base: Base, dictionary: Dictionary) -> tuple[Array, dict[int, slice]]:
     return base.gram(dictionary.of(*kept)), slices
 
 
-def _left(gram: Array, mine: slice, other: slice) -> float:
-    """The same once the other block is free."""
-    cross = gram[mine, other]
-    free = gram[other, other] + 1e-9 * (np.trace(gram[other, other]) + 1e-12) * np.eye(other.stop - other.start)
-    return weakest(gram[mine, mine] - cross @ np.linalg.solve(free, cross.T))
+@dataclass(frozen=True, eq=False)
+class _Freed:
+    """Signatures (S,) of one width p: where they stand in the information of all (S, p), and the inverse (S, p, p) of their
+    own, of one that shows nothing too."""
+
+    signatures: list[int]
+    places: NDArray[np.intp]
+    inverse: Array
+
+
+def _freed(gram: Array, slices: dict[int, slice]) -> list[_Freed]:
+    """All signatures, those of one width together."""
+    found = []
+    for width in sorted({place.stop - place.start for place in slices.values()}):
+        alike = [s for s, place in slices.items() if place.stop - place.start == width]
+        places = np.array([slices[s].start for s in alike])[:, None] + np.arange(width)
+        own = gram[places[:, :, None], places[:, None, :]]
+        ridge = 1e-9 * (np.trace(own, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(width)
+        found.append(_Freed(alike, places, np.asarray(np.linalg.inv(own + ridge), dtype=float)))
+    return found
+
+
+def _left(gram: Array, mine: slice, freed: list[_Freed]) -> dict[int, float]:
+    """What a cause of unit size gives (`weakest`) once each signature is free beside it."""
+    left: dict[int, float] = {}
+    for each in freed:
+        cross = gram[mine][:, each.places].swapaxes(0, 1)
+        values = weakest(gram[mine, mine] - cross @ each.inverse @ cross.swapaxes(1, 2))
+        left |= dict(zip(each.signatures, values.tolist(), strict=True))
+    return left
 
 
 def not_told_apart(outlooks: Iterable[Outlook]) -> list[str]:

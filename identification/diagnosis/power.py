@@ -193,10 +193,10 @@ def needed(tail: float, degrees: int) -> float:
 
 
 def along(information: Array) -> Array:
-    """Root of the information (p, p) of a block along each direction that a cause may have (directions,): what one of unit size
-    gives."""
-    ways = directions(len(information))
-    return np.asarray(np.sqrt(np.maximum(np.einsum("di,ij,dj->d", ways, information, ways), NOTHING)))
+    """Root of the information (..., p, p) of a block along each direction that a cause may have (..., directions): what one of
+    unit size gives."""
+    ways = directions(information.shape[-1])
+    return np.asarray(np.sqrt(np.maximum(np.sum(ways @ information * ways, axis=-1), NOTHING)))
 
 
 def in_the_middle(strength: dict[int, float]) -> int:
@@ -209,10 +209,11 @@ def worst_fifth(strength: Array) -> int:
     return int(np.argsort(strength)[int((1.0 - POWER) * len(strength))])
 
 
-def weakest(information: Array) -> float:
-    """What a cause of unit size gives in all but the worst fifth of the directions, from the information (p, p)."""
+def weakest(information: Array) -> Array:
+    """What a cause of unit size gives in all but the worst fifth of the directions (...), from the information (..., p, p)."""
     strength = along(information)
-    return float(strength[worst_fifth(strength)])
+    place = int((1.0 - POWER) * strength.shape[-1])
+    return np.asarray(np.partition(strength, place, axis=-1)[..., place])
 
 
 @cache

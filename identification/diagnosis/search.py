@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from math import comb
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,8 @@ LAW_SHARE = 0.3
 ALIKE = 1e-3
 # ln Bayes factor of the best law of a gear under which it does not matter how its laws share it out.
 WORTH_SHARING = 1.0
+# Up to so many rows what is seen from a fitted model is kept as long as that: those who look for causes begin at the same one.
+ROWS_KEPT = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,14 +125,24 @@ def base_at(data: LoadTest, log_compliance: Array, noise: NoiseModel, weights: W
     return Base(noise.whitening @ slope, residual, weights, precision, shift)
 
 
+_KEPT: WeakKeyDictionary[Posterior, list[tuple[dict[str, Effect], int, Survey]]] = WeakKeyDictionary()
+
+
 def survey(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> Survey:
     """All single effects, the pairs and triples that the beam reaches; levels: how many effects at most together.
 
     fitted: the model whose stiffnesses, variance components and row weights are taken.
     """
+    kept = _KEPT.setdefault(fitted, [])
+    for of, size, known in kept:
+        if of is catalogue and size == levels:
+            return known
     state, noise = fitted.load_state, fitted.at_map.noise
     base = base_at(fitted.data, fitted.log_compliance, noise, fitted.weights).extended(sag_columns(state, noise))
-    return searched(base, dictionary_of(state, noise, catalogue), state, noise, levels)
+    seen = searched(base, dictionary_of(state, noise, catalogue), state, noise, levels)
+    if len(state) <= ROWS_KEPT:
+        kept.append((catalogue, levels, seen))
+    return seen
 
 
 def searched(base: Base, dictionary: Dictionary, state: LoadState, sight: Sight, levels: int) -> Survey:

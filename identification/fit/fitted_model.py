@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identification.fit.load_test import LoadTest
 from identification.fit.priors import PriorModel
-from identification.model.compliance import equilibrium, sensitivity
+from identification.model.compliance import sensitivity
 from identification.model.effects_in_force import (
     EFFECTS,
     SPRINGS,
@@ -53,11 +53,10 @@ class Term(EffectInForce):
 
 def predicted_deflection(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -> Array:
     """Readings (n, 3) [m] the model gives for these rows; x (6 + P,)."""
-    cell, rows, compliance = data.cell, data.rows, np.exp(x[SPRINGS])
-    if not terms and cell.robot.link_mass is None:
-        return equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, compliance).position
-    state = data.load_state(compliance)
-    return np.asarray((state.elastic + state.of_weight + added(state, terms, x[EFFECTS]))[:, :3])
+    state = data.load_state(np.exp(x[SPRINGS]))
+    if not terms and state.robot.link_mass is None:
+        return state.elastic_position
+    return np.asarray(state.elastic_position + state.of_weight[:, :3] + added(state, terms, x[EFFECTS])[:, :3])
 
 
 def response(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -> tuple[Array, Array]:

@@ -35,10 +35,11 @@ class NoiseGram:
         shares = columns.shape[2] > q and bool(model.loading.any())
         columns = columns if shares else columns[:, :, :q]
         # What visits share (their offsets, their set-ups) is no part of the rows' own noise, which is the same for many.
-        different, which = np.unique(values[:, OF_ROWS], axis=0, return_index=True, return_inverse=True)[1:]
-        own = model.own(values[different], self._row_weight)
-        gram, summed = (part[which.ravel()] for part in own.grams(columns, q, model.visit))
-        log_determinant = own.log_determinant[which.ravel()]
+        number: dict[bytes, int] = {}
+        which = np.array([number.setdefault(of_rows.tobytes(), len(number)) for of_rows in values[:, OF_ROWS]])
+        own = model.own(values[np.unique(which, return_index=True)[1]], self._row_weight)
+        gram, summed = (part[which] for part in own.grams(columns, q, model.visit))
+        log_determinant = own.log_determinant[which]
         if not shares:
             return gram, log_determinant
         scale = model.loading_scale(values)[:, None, :, None]                                                  # (S, 1, r, 1)

@@ -18,6 +18,8 @@ from identification.model.gravity import fall_in_base, sagged_angles
 from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
+# Up to so many rows the state that was worked out last is kept: a fit asks for the same one several times in a row.
+MOST_KEPT = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,15 @@ class LoadTest:
 
     def load_state(self, compliance: Array) -> LoadState:
         """What the effects may look at, on a robot with these springs (6,) [rad/(N m)], that sags under its own weight."""
+        known: LoadState | None = vars(self).get("_last")
+        if known is not None and np.array_equal(known.compliance, compliance):
+            return known
+        state = self._state(compliance.copy())
+        if len(self.rows) <= MOST_KEPT:
+            vars(self)["_last"] = state
+        return state
+
+    def _state(self, compliance: Array) -> LoadState:
         cell, rows = self.cell, self.rows
         fall, mass, centre = fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre
         return LoadState(

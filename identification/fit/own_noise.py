@@ -8,8 +8,8 @@ Linear in the rows, and for many noises at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -62,7 +62,7 @@ class RowsAlone:
 @dataclass(frozen=True, eq=False)
 class RememberingRows:
     """Rows whose sensor remembers, for S noises. steps: the rows at each place of their stretch, (m_t,), the longest stretches
-    first; whitening (S, m_t, 3, 3) of the innovations at each, gain (S, m_t, 3, 3) of the filter; seen (n, 3): what was
+    first; filters (S, m_t, 6, 3): whitening of the innovations at each, and below it the filter's gain; seen (n, 3): what was
     measured; root (n,) of the row weights."""
 
     steps: tuple[Indices, ...]
@@ -70,8 +70,7 @@ class RememberingRows:
     root: Array
     rho: Array
     log_determinant: Array
-    whitening: list[Array] = field(repr=False)
-    gain: list[Array] = field(repr=False)
+    filters: list[Array] = field(repr=False)
 
     @classmethod
     def of(cls, own: Array, sensor: Array, rho: Array, measured: NDArray[np.bool_], row_weight: Array,
@@ -83,40 +82,63 @@ class RememberingRows:
             # A component that was not measured is one of variance 1 that nothing goes with.
             own = own * (seen[:, :, None] * seen[:, None, :]) + (1.0 - seen)[:, :, None] * EYE
         log_determinant = np.zeros(len(sensor)) - float(np.sum(measured * np.log(row_weight)[:, None]))
-        covariance, fresh = np.repeat(size, len(steps[0]), axis=1), (1.0 - kept**2) * size
-        whitenings, gains = [], []
+        covariance, fresh, kept_twice = np.repeat(size, len(steps[0]), axis=1), (1.0 - kept**2) * size, kept**2
+        placed, filters, end = own[:, np.concatenate(steps)], np.zeros((*own.shape[:2], 6, 3)), 0
+        each = []
         for rows in steps:
-            covariance = covariance[:, : len(rows)]
+            place = slice(end, end + len(rows))
+            end, both, covariance = place.stop, filters[:, place], covariance[:, : len(rows)]
             met = covariance if whole else seen[rows][:, :, None] * covariance
-            whitening, determinant = whitening_of_three(own[:, rows] + (met if whole else met * seen[rows][:, None, :]))
+            determinant = whitening_of_three(
+                placed[:, place] + (met if whole else met * seen[rows][:, None, :]), both[:, :, :3])
             log_determinant += np.log(determinant).sum(axis=1)
-            white = whitening @ met
+            white = both[:, :, :3] @ met
             carried = white.swapaxes(2, 3)
-            covariance = kept**2 * (covariance - carried @ white) + fresh
-            whitenings.append(whitening)
-            gains.append(kept * (carried @ whitening))
-        return cls(steps, seen, np.sqrt(row_weight), rho, log_determinant, whitenings, gains)
+            covariance = kept_twice * (covariance - carried @ white) + fresh
+            np.multiply(kept, carried @ both[:, :, :3], out=both[:, :, 3:])
+            each.append(both)
+        return cls(steps, seen, np.sqrt(row_weight), rho, log_determinant, each)
 
-    def _white(self, columns: Array) -> Iterator[Array]:
-        """The innovations (S, m_t, 3, q) of columns (n, 3, q), whitened, place by place."""
-        columns = columns * (self.root[:, None] * self.seen)[:, :, None]
-        kept, whole = self.rho[:, None, None, None], bool(self.seen.all())
+    @cached_property
+    def _order(self) -> Indices:
+        """The rows place by place, (n,)."""
+        return np.concatenate(self.steps)
+
+    @cached_property
+    def _places(self) -> list[tuple[slice, Array | None]]:
+        """Where each place stands in that order, and what was measured there (m_t, 3, 1); None: all."""
+        ends, seen = np.cumsum([len(rows) for rows in self.steps]).tolist(), self.seen[self._order][:, :, None]
+        whole = bool(self.seen.all())
+        return [(slice(end - len(rows), end), None if whole else seen[end - len(rows): end])
+                for rows, end in zip(self.steps, ends, strict=True)]
+
+    @cached_property
+    def _scale(self) -> Array:
+        """By what columns (n, 3, q) are multiplied, place by place."""
+        return np.asarray((self.root[:, None] * self.seen)[self._order][:, :, None])
+
+    @cached_property
+    def _first(self) -> list[tuple[Array, Array]]:
+        """Filters (m_t, 6, 3) of the first noise, and what they do backwards (m_t, 3, 6)."""
+        sign = np.repeat([1.0, -1.0], 3)
+        return [(each[0], each[0].swapaxes(1, 2) * sign) for each in self.filters]
+
+    def _white(self, columns: Array) -> Array:
+        """The innovations (S, n, 3, q) of columns (n, 3, q), whitened."""
+        columns, kept = columns[self._order] * self._scale, self.rho[:, None, None, None]
+        white = np.empty((len(self.rho), *columns.shape))
         state = np.zeros((len(self.rho), len(self.steps[0]), *columns.shape[1:]))
-        for rows, whitening, gain in zip(self.steps, self.whitening, self.gain, strict=True):
+        for rows, (place, seen), filters in zip(self.steps, self._places, self.filters, strict=True):
             state = state[:, : len(rows)]
-            innovation = columns[rows] - (state if whole else self.seen[rows][:, :, None] * state)
-            both = np.concatenate([whitening, gain], axis=2) @ innovation
-            yield both[:, :, :3]
+            both = filters @ (columns[place] - (state if seen is None else seen * state))
+            white[:, rows] = both[:, :, :3]
             state *= kept
             state += both[:, :, 3:]
+        return white
 
     def grams(self, columns: Array, q: int, visit: Indices) -> tuple[Array, Array]:
         """As `RowsAlone.grams`."""
-        size, (n, _, width) = len(self.rho), columns.shape
-        placed = np.empty((size, n, 3, width))
-        for rows, innovation in zip(self.steps, self._white(columns), strict=True):
-            placed[:, rows] = innovation
-        white = placed.reshape(size, 3 * n, width)
+        white = self._white(columns).reshape(len(self.rho), 3 * len(columns), -1)
         left = white[:, :, :q]
         ends = 3 * np.append(0, np.cumsum(np.bincount(visit)))
         products = [white[:, start: end, q:].swapaxes(1, 2) @ white[:, start: end] for start, end in pairwise(ends)]
@@ -124,16 +146,25 @@ class RememberingRows:
 
     def solve(self, columns: Array) -> Array:
         """Sigma^-1 columns (n, 3, q), of the first noise."""
-        solved = np.empty(columns.shape)
-        back = np.zeros((0, *columns.shape[1:]))
-        weighted = [whitening[0].swapaxes(1, 2) @ white[0] for whitening, white in zip(
-            self.whitening, self._white(columns), strict=True)]
-        for rows, gain, value in zip(reversed(self.steps), reversed(self.gain), reversed(weighted), strict=True):
-            here = self.seen[rows][:, :, None]
-            back = np.concatenate([back, np.zeros((len(rows) - len(back), *columns.shape[1:]))])
-            value = value - np.swapaxes(gain[0], 1, 2) @ back
-            solved[rows] = value * here * self.root[rows][:, None, None]
-            back = here * value + self.rho[0] * back
+        columns, rho = columns[self._order] * self._scale, self.rho[0]
+        state, innovations = np.zeros((len(self.steps[0]), *columns.shape[1:])), []
+        for (place, seen), (ahead, _) in zip(self._places, self._first, strict=True):
+            state = state[: place.stop - place.start]
+            both = ahead @ (columns[place] - (state if seen is None else seen * state))
+            # What is met on the way back stands below what was met on the way there.
+            innovations.append(both)
+            state = rho * state + both[:, 3:]
+        back = np.zeros((len(self.steps[0]), *columns.shape[1:]))
+        for (place, seen), (_, behind), both in zip(
+                reversed(self._places), reversed(self._first), reversed(innovations), strict=True):
+            here = back[: place.stop - place.start]
+            both[:, 3:] = here
+            value = behind @ both
+            columns[place] = value
+            here *= rho
+            here += value if seen is None else seen * value
+        solved = np.empty_like(columns)
+        solved[self._order] = columns * self._scale
         return solved
 
 
@@ -163,16 +194,15 @@ def inverse_of_three(matrix: Array) -> tuple[Array, Array]:
     return np.asarray(inverse.reshape(matrix.shape)), first * second * third
 
 
-def whitening_of_three(matrix: Array) -> tuple[Array, Array]:
-    """R (..., 3, 3), lower triangular, with R^T R the inverse of symmetric positive definite matrices, and their determinant
-    (...), as `inverse_of_three` does."""
+def whitening_of_three(matrix: Array, root: Array) -> Array:
+    """R (..., 3, 3), lower triangular, with R^T R the inverse of symmetric positive definite matrices, into `root`, which is
+    zero above the diagonal, and their determinant (...), as `inverse_of_three` does."""
     diagonal, (low, corner, lowest) = _factors(matrix)
-    root = np.zeros(matrix.shape)
     for row, size in enumerate(diagonal):
         root[..., row, row] = 1 / np.sqrt(size)
     root[..., 1, 0] = low * root[..., 1, 1]
     root[..., 2, 0], root[..., 2, 1] = corner * root[..., 2, 2], lowest * root[..., 2, 2]
-    return root, diagonal[0] * diagonal[1] * diagonal[2]
+    return diagonal[0] * diagonal[1] * diagonal[2]
 
 
 def _factors(matrix: Array) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:

@@ -283,8 +283,8 @@ def _maximise(model: _FittedModel, at: Linearised, weights: Weights | BesideWeig
     value, damping = cost(at.x, at.residual), 0.0
     passed = [value]
     for number in range(MAX_STEPS):
-        curvature = weights.inner(at.design, at.design) + prior.search_curvature(at.x)
-        pull = weights.inner(at.design, at.residual[:, :, None])[:, 0]
+        both = weights.inner(at.design, at.columns)
+        curvature, pull = both[:, :-1] + prior.search_curvature(at.x), both[:, -1]
         gradient = pull - prior.gradient(at.x)
         # eta is linear in c, not in ln c: where the data want a smaller c, its curvature is larger than Gauss-Newton's, which
         # would step to and fro for ever.

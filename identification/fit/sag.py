@@ -36,7 +36,7 @@ def sag_columns(state: LoadState, sight: Sight) -> Array:
         ahead, behind = state.theta.copy(), state.theta.copy()
         ahead[:, i] += STEP
         behind[:, i] -= STEP
-        slope = (replace(state, theta=ahead).elastic - replace(state, theta=behind).elastic)[:, :3] / (2 * STEP)
+        slope = (replace(state, theta=ahead).elastic_position - replace(state, theta=behind).elastic_position) / (2 * STEP)
         spring = state.jacobian[:, :3, i] * (state.compliance[i] * state.torque[:, i])[:, None]
         angle = state.theta[:, i]
         columns += [sag * slope, sag * slope * np.sin(angle)[:, None], sag * slope * np.cos(angle)[:, None],

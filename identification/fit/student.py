@@ -74,26 +74,27 @@ def probability_beyond(squared: float, components: int, distance: Array, count: 
 
 def _tried(distance: Array, count: NDArray[np.int_]) -> tuple[Array, Array]:
     """ln likelihood of each of DEGREES and its best scale."""
-    scale = np.array([_student_scale(distance, count, degrees) for degrees in DEGREES])
-    value = [np.sum(_student_log_density(distance / s, count, degrees) - 0.5 * count * np.log(s))
-             for degrees, s in zip(DEGREES, scale, strict=True)]
-    return np.array(value), scale
+    scale = _student_scales(distance, count)
+    heavy = _student_log_density(distance / scale[:-1, None], count, np.array(DEGREES[:-1])[:, None])
+    density = np.concatenate([heavy, _student_log_density(distance / scale[-1], count, np.inf)[None]])
+    return np.sum(density - 0.5 * count * np.log(scale)[:, None], axis=1), scale
 
 
-def _student_scale(distance: Array, count: NDArray[np.int_], degrees: float) -> float:
-    """Common factor on the variances that fits best, by fixed-point iteration."""
-    scale = 1.0
+def _student_scales(distance: Array, count: NDArray[np.int_]) -> Array:
+    """Common factor on the variances that fits best with each of DEGREES, by fixed-point iteration."""
+    total, degrees, scale = np.sum(count), np.array(DEGREES[:-1])[:, None], np.ones((len(DEGREES) - 1, 1))
+    weighted = (degrees + count) * distance
     for _ in range(30):
-        weight = np.ones_like(distance) if np.isinf(degrees) else (degrees + count) / (degrees + distance / scale)
-        scale = max(float(np.sum(weight * distance) / np.sum(count)), 1e-12)
-    return scale
+        scale = np.maximum(np.sum(weighted / (degrees + distance / scale), axis=1, keepdims=True) / total, 1e-12)
+    # Of the normal distribution every row weighs the same.
+    return np.append(scale, max(float(np.sum(distance) / total), 1e-12))
 
 
-def _student_log_density(distance: Array, count: NDArray[np.int_], degrees: float) -> Array:
-    """ln density of multivariate Student (normal where degrees is infinite) at a squared distance (n,)."""
+def _student_log_density(distance: Array, count: NDArray[np.int_], degrees: float | Array) -> Array:
+    """ln density of multivariate Student (normal where degrees is infinite) at a squared distance (..., n)."""
     from scipy.special import gammaln
 
-    if np.isinf(degrees):
+    if np.all(np.isinf(degrees)):
         return np.asarray(-0.5 * distance - 0.5 * count * np.log(2 * np.pi))
     return np.asarray(gammaln(0.5 * (degrees + count)) - gammaln(0.5 * degrees) - 0.5 * count * np.log(degrees * np.pi)
                       - 0.5 * (degrees + count) * np.log1p(distance / degrees))

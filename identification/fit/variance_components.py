@@ -120,10 +120,9 @@ def likeliest(posterior: ComponentPosterior, components: VarianceComponents) -> 
     free = np.flatnonzero(posterior.noise.active)
     logs = components.logs
     logs[free] = np.maximum(logs[free], -3.0)
-    value = float(posterior(logs[None])[0][0])
     for number in range(MAX_STEPS):
         if number % CURVATURE_EVERY == 0:
-            gradient, hessian = _slopes(posterior, logs, free)
+            value, gradient, hessian = _slopes(posterior, logs, free)
             eigenvalues, vectors = np.linalg.eigh(hessian)
         else:
             gradient = _gradient(posterior, logs, free)
@@ -149,8 +148,8 @@ def _gradient(posterior: ComponentPosterior, logs: Array, free: NDArray[np.intp]
     return np.asarray((ahead - behind) / (2 * STEP))
 
 
-def _slopes(posterior: ComponentPosterior, logs: Array, free: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Gradient (f,) of ln posterior by the free logarithms, and the negative Hessian (f, f), by differences."""
+def _slopes(posterior: ComponentPosterior, logs: Array, free: NDArray[np.intp]) -> tuple[float, Array, Array]:
+    """ln posterior, its gradient (f,) by the free logarithms, and the negative Hessian (f, f), by differences."""
     step, unit = STEP, np.eye(len(logs))[free]
     pairs = [(i, j) for i in range(len(free)) for j in range(i)]
     moves = [np.zeros(len(logs)), *unit, *-unit, *(sign * (unit[i] + unit[j]) for i, j in pairs for sign in (1, -1))]
@@ -161,14 +160,14 @@ def _slopes(posterior: ComponentPosterior, logs: Array, free: NDArray[np.intp]) 
     for (i, j), both in zip(pairs, value[1 + 2 * count:].reshape(-1, 2), strict=True):
         # Of i and j moved together, less what each alone does.
         hessian[i, j] = hessian[j, i] = (2 * value[0] - both.sum() - single[i] - single[j]) / (2 * step**2)
-    return (ahead - behind) / (2 * step), hessian
+    return float(value[0]), (ahead - behind) / (2 * step), hessian
 
 
 def log_covariance(posterior: ComponentPosterior, components: VarianceComponents) -> Array:
     """Covariance (6, 6) of the logarithms of the components, from the curvature of their posterior; nothing for those that are
     not active."""
     free = np.flatnonzero(posterior.noise.active)
-    eigenvalues, vectors = np.linalg.eigh(_slopes(posterior, components.logs, free)[1])
+    eigenvalues, vectors = np.linalg.eigh(_slopes(posterior, components.logs, free)[2])
     covariance = np.zeros((len(components.logs),) * 2)
     # A component that the data leave open is known to a factor e at best.
     covariance[np.ix_(free, free)] = (vectors / np.maximum(eigenvalues, 1.0)) @ vectors.T

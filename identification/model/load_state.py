@@ -62,11 +62,12 @@ class LoadState:
         reaches: exact where that is given (`at_load`), else of first order."""
         other, torque = replace(self, compliance=compliance), self.torque
         # What was worked out at the loaded pose (all but these) holds for any springs.
-        changed = ("compliance", "at_rest", "elastic", "_sagged", "of_sag", "of_weight")
+        changed = ("compliance", "at_rest", "elastic", "elastic_position", "_sagged", "of_sag", "of_weight")
         vars(other).update({name: value for name, value in vars(self).items() if name not in changed})
         if not self.at_load:
             more = (compliance - self.compliance) * torque
             vars(other)["elastic"] = self.elastic + np.einsum("nri,ni->nr", self.jacobian, more)
+            vars(other)["elastic_position"] = other.elastic[:, :3]
         return other
 
     @cached_property
@@ -204,11 +205,14 @@ class LoadState:
     def elastic(self) -> Array:
         """The plain model's deviation (n, 6): position [m], rotation [rad] (paper eq. 2-6)."""
         rotation = np.einsum("nri,ni->nr", self.jacobian[:, 3:], self.compliance * self.torque)
+        return np.concatenate([self.elastic_position, rotation], axis=1)
+
+    @cached_property
+    def elastic_position(self) -> Array:
+        """Its position (n, 3) [m] alone, which asks for no Jacobian of a load test."""
         if self.at_load:
-            position = np.einsum("nri,ni->nr", self.jacobian[:, :3], self.compliance * self.torque)
-        else:
-            position = self.at_rest.position
-        return np.concatenate([position, rotation], axis=1)
+            return np.asarray(np.einsum("nri,ni->nr", self.jacobian[:, :3], self.compliance * self.torque))
+        return self.at_rest.position
 
     def compliant(self, wrench: Array) -> Array:
         """Deviation (n, 6) that an additional wrench (n, 6) causes through the springs, first order (paper eq. 3)."""

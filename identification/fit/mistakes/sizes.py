@@ -108,7 +108,9 @@ class JointZero(Size):
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         theta = rows.theta.copy()
         theta[:, (joint or 1) - 1] += values[0]
-        return np.asarray(replace(rows, theta=theta).elastic - rows.elastic)
+        # A load test reads no rotation.
+        moved = replace(rows, theta=theta).elastic_position - rows.elastic_position
+        return np.concatenate([moved, np.zeros_like(moved)], axis=1)
 
     def shown(self, values: Array) -> Array:
         return np.degrees(values)

@@ -102,3 +102,54 @@ def test_what_is_explained_is_counted_by_reading_and_spring(monkeypatch: pytest.
     for after, share in ((48.0, 0.5), (20.0, 1.0), (72.0, 0.0)):
         found = of_misfit.explained(model(72.0), model(after))
         assert (found.excess, found.share) == (pytest.approx(3.0), pytest.approx(share))
+
+
+def test_a_set_that_was_fitted_takes_the_place_of_its_look() -> None:
+    """The others stay, and all are weighed anew: of singles among three as their evidence says."""
+    dictionary: Any = SimpleNamespace(entries=[None] * 3)
+    sets = [Hypothesis((k,), (k,), value) for k, value in enumerate((2.0, 1.0, 0.0))]
+    state: Any = None
+    base: Any = None
+    seen = Survey(state, dictionary, base, tuple(sets))
+    fitted = Hypothesis((2,), (7,), 3.0)
+    found = seen.instead({fitted.key: fitted}).hypotheses
+    assert [(each.entries, each.signatures, each.log_evidence) for each in found] == [
+        ((2,), (7,), 3.0), ((0,), (0,), 2.0), ((1,), (1,), 1.0)]
+    weight = np.exp([3.0, 2.0, 1.0])
+    np.testing.assert_allclose([each.probability for each in found], weight / weight.sum())
+
+
+def test_an_entry_is_as_likely_as_its_signatures_are_on_average() -> None:
+    """Shares of a half, a quarter and a quarter; told is the one that explains most, whatever its share."""
+    value, best = search._entry_evidence(np.log([2.0, 4.0, 8.0]), np.log([0.5, 0.25, 0.25]), np.array([5, 6, 7]))
+    assert np.exp(value) == pytest.approx(1.0 + 1.0 + 2.0)
+    assert best == 7
+
+
+@pytest.mark.parametrize(("rows", "again"), [(search.ROWS_KEPT, 0), (search.ROWS_KEPT + 1, 3)])
+def test_what_is_seen_from_a_model_is_looked_at_once(monkeypatch: pytest.MonkeyPatch, rows: int, again: int) -> None:
+    """By catalogue and by how many causes act together; of very many rows it would be most of what is held."""
+    class Fit:
+        data, log_compliance, weights, load_state = None, None, None, range(rows)
+        at_map = SimpleNamespace(noise=None)
+
+    seen: list[int] = []
+
+    def searched(base: Any, dictionary: Any, state: Any, sight: Any, levels: int) -> Any:
+        seen.append(levels)
+        return SimpleNamespace(levels=levels)
+
+    model: Any = SimpleNamespace(extended=lambda columns: None)
+    monkeypatch.setattr(search, "base_at", lambda *of: model)
+    monkeypatch.setattr(search, "sag_columns", lambda *of: None)
+    monkeypatch.setattr(search, "dictionary_of", lambda *of: None)
+    monkeypatch.setattr(search, "searched", searched)
+    fitted: Any = Fit()
+    other: Any = Fit()
+    one: dict[str, Any] = {}
+    another: dict[str, Any] = {}
+    calls = [(fitted, one, 2), (fitted, one, 1), (fitted, another, 2), (other, one, 2)]
+    first = [search.survey(*call) for call in calls]
+    assert [found.levels for found in first] == seen == [2, 1, 2, 2]
+    assert [search.survey(*call) is found for call, found in zip(calls[:3], first, strict=False)] == [not again] * 3
+    assert len(seen) == 4 + again

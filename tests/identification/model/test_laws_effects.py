@@ -127,7 +127,7 @@ def test_a_tool_for_each_row_is_the_same_as_one_tool_at_a_time() -> None:
     together = load_state(robot(), every, theta, wrench, COMPLIANCE, at_load=True)
     for i, tool in enumerate(tools):
         alone = load_state(robot(), tool, theta[i:i + 1], wrench[i:i + 1], COMPLIANCE, at_load=True)
-        for name in ("tcp", "tool", "serial_jacobian", "torque", "elastic"):
+        for name in ("tcp", "tool", "serial_jacobian", "torque", "elastic", "elastic_position"):
             assert_allclose(getattr(together, name)[i], getattr(alone, name)[0], rtol=1e-12, atol=1e-15)
 
 
@@ -135,11 +135,11 @@ def test_other_springs_at_the_same_loaded_pose() -> None:
     theta = random_poses(robot(), 5, np.random.default_rng(7))
     wrench = np.random.default_rng(8).uniform(-300, 300, (5, 6))
     first = load_state(robot(), TOOL, theta, wrench, COMPLIANCE, at_load=True)
-    for name in ("elastic", "gravity", "torque"):
+    for name in ("elastic", "elastic_position", "gravity", "torque"):
         getattr(first, name)                                # worked out before the springs change
     other = first.with_compliance(2 * COMPLIANCE)
     fresh = load_state(robot(), TOOL, theta, wrench, 2 * COMPLIANCE, at_load=True)
-    for name in ("loaded", "torque", "elastic", "tcp"):
+    for name in ("loaded", "torque", "elastic", "elastic_position", "tcp"):
         assert_allclose(getattr(other, name), getattr(fresh, name), rtol=1e-13, atol=0)
 
 

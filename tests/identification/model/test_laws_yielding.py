@@ -442,3 +442,29 @@ def test_a_warm_up_goes_on_in_the_rows_that_are_not_fitted(tmp_path: Path) -> No
         rows = data.with_rows(data.rows.select(chosen)).load_state(COMPLIANCE)
         softer = effects()["softening"].contribution(rows, None, np.array([0.3]))
         assert_allclose(softer, 0.3 * (np.arange(6)[chosen] / 6)[:, None] * rows.elastic, atol=1e-15)
+
+
+def test_a_foot_is_tried_that_the_rows_could_lift() -> None:
+    """What holds it by shares of the largest moment that tips the arm, level: its weight, at the farthest that the wrist stands
+    out; about eight axes, evenly round."""
+    rows, opens = drawn(24, moments=True), known("base_rocking.opens")
+    assert opens is not None
+    grid = {parameter.name: np.array(opens.grid(rows, None, parameter)) for parameter in opens.parameters if parameter.grid}
+    tips = np.cross(rows.tcp, rows.wrench[:, :3]) + rows.wrench[:, 3:]
+    largest, reach = np.hypot(*tips[:, :2].T).max(), np.hypot(*rows.origins[:, 4, :2].T).max()
+    assert_allclose(grid["holds_nm"], largest * np.array([0.0, 0.3]))
+    assert_allclose(grid["weight_n"] * reach, largest * np.array([0.0, 1.0, 3.0]))
+    assert_allclose(np.diff(grid["axis_rad"], append=grid["axis_rad"][0] + 2 * np.pi), np.pi / 4, atol=2e-4)
+
+
+def test_a_grid_is_one_of_a_shape_and_ascends() -> None:
+    """What enters linearly is found without one. The knees of soft gears are at most a factor of three apart, so that
+    each gear is near one."""
+    laws = [law for effect in effects().values() for law in (effect, *effect.other_laws)]
+    for law in laws:
+        for parameter in law.parameters:
+            if parameter.grid:
+                assert parameter.shape, (law.stored, parameter.name)
+                assert np.all(np.diff(parameter.grid) > 0), (law.stored, parameter.name)
+            if parameter.name == "torque_nm" and law.name == "soft_zone" and len(parameter.grid) > 1:
+                assert np.all(np.array(parameter.grid[1:]) / parameter.grid[:-1] <= 3), law.stored

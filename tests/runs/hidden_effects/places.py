@@ -37,7 +37,7 @@ STRUCTURE = (
     place("link_bending", 3, 1, "bearing_tilt", 3),
     place("base_rocking", None, 3, "bearing_tilt", 1, long=True),
     place("base_shift", None, 1, "base_rocking", long=True),
-    place("force_sensor_compliance", None, 2, "bearing_tilt", 5, long=True),
+    place("force_sensor_compliance", None, 2, "bearing_tilt", 5),
     place("spindle_compliance", None, 3, "tool_point", long=True),
     place("tool_point", None, 1, "link_bending", 3, long=True),
     place("creep", None, 1, "drift", long=True),

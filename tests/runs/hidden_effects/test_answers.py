@@ -42,7 +42,7 @@ def test_what_takes_long_is_named_by_a_faster_test() -> None:
     desks = {desk(910001, term).hidden for term in TERMS if term not in TOLD}
     desks |= {desk(seed, term, SHARES).hidden for seed, term in LARGE}
     faster = {str(hidden).split("[")[0] for hidden in desks} | {
-        "bearing_tilt", "creep", "force_sensor_compliance", "tool_point"}
+        "bearing_tilt", "creep", "tool_point"}
     assert {where.hidden.effect for where in ALL if where.long} <= faster
 
 
