@@ -15,6 +15,7 @@ from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.engagement import LoggedPass, following_the_cut
 from compensator.correction.expected_left import ExpectedLeft, expected_left, foreseen
 from compensator.correction.intermediate_targets import with_intermediate_targets
+from compensator.correction.least_depth import least_depth
 from compensator.correction.logged_pass import logged_pass
 from compensator.correction.nothing_corrected import nothing_corrected
 from compensator.correction.posture import Advice, advise
@@ -157,7 +158,7 @@ def correct(planned: Predicted) -> Corrected:
     del cornered
     cut, prediction = following_the_cut(predicted, kept, logged)
     correction = correct_path(cut.loaded, Restraint(prediction, cut.stood, settings.confidence, predicted.slope,
-                                                    settings.tolerance, settings.depth_of_cut))
+                                                    settings.tolerance, least_depth(predicted, logged, cut.stood)))
     known = foreseen(predicted, cut, prediction)
     del prediction
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,
