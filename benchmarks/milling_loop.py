@@ -34,6 +34,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.part_jobs import JOBS
 from compensator.correction.settings import DEFAULTS
+from identification.common.findings import Refused
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.compliance import equilibrium
@@ -97,10 +98,14 @@ def row(name: str, first: Pass, after: Pass, sigma_um: np.ndarray, left_um: np.n
 
 
 def plain(arguments: tuple[str, int, dict[str, float], bool]) -> Result | None:
-    """One robot without hidden effects, one part; None: its arm is so soft that the simulated cut finds no balance with it."""
+    """One robot without hidden effects, one part; None: its arm is so soft that the simulated cut finds no balance with it, or
+    that a correction is refused."""
     try:
         return milled(*arguments)
     except RuntimeError:
+        return None
+    except Refused as refused:
+        print(f"{arguments[0]}, robot {arguments[1]}: {refused}")
         return None
 
 

@@ -12,13 +12,15 @@ from compensator.correction.between_targets import BetweenTargets, left_between
 from compensator.correction.corners import with_zones
 from compensator.correction.correction import Correction, Restraint, correct_path
 from compensator.correction.cutting_stiffness import CuttingStiffness
-from compensator.correction.engagement import LoggedPass, following_the_cut
+from compensator.correction.engagement import CorrectedPass, LoggedPass, following_the_cut
 from compensator.correction.expected_left import ExpectedLeft, expected_left, foreseen
 from compensator.correction.intermediate_targets import with_intermediate_targets
+from compensator.correction.least_depth import least_depth
 from compensator.correction.logged_pass import logged_pass
 from compensator.correction.nothing_corrected import nothing_corrected
 from compensator.correction.posture import Advice, advise
 from compensator.correction.predict import Predicted, largest_and_rms
+from compensator.correction.prediction import Prediction
 from compensator.correction.read_back import read_back
 from compensator.correction.waiting import Waiting, told, waiting
 from compensator.path.feasibility import FeedCheck, check_feed, judge
@@ -156,8 +158,7 @@ def correct(planned: Predicted) -> Corrected:
     predicted, kept, looked_at = with_intermediate_targets(cornered)
     del cornered
     cut, prediction = following_the_cut(predicted, kept, logged)
-    correction = correct_path(cut.loaded, Restraint(prediction, cut.stood, settings.confidence, predicted.slope,
-                                                    settings.tolerance, settings.depth_of_cut))
+    correction = restrained(predicted, logged, cut, prediction)
     known = foreseen(predicted, cut, prediction)
     del prediction
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,
@@ -184,3 +185,10 @@ def correct(planned: Predicted) -> Corrected:
     waits = waiting(predicted, left)
     return Corrected(planned, predicted, kept, correction, content, residual, between, left, cut.left_as_logged,
                      logged, cut.gain, feed, advice, waits, (*findings, *told(waits, predicted)))
+
+
+def restrained(predicted: Predicted, logged: LoggedPass, cut: CorrectedPass, prediction: Prediction) -> Correction:
+    """The correction of the pass that is corrected, held back where that is safer. Raises what `correct_path` raises."""
+    settings = predicted.settings.correction
+    return correct_path(cut.loaded, Restraint(prediction, cut.stood, settings.confidence, predicted.slope, settings.tolerance,
+                                              least_depth(predicted, logged, cut.stood)))

@@ -71,14 +71,14 @@ class Restraint:
     """What a correction must satisfy beyond landing on the plan (restraint.py): the prediction it rests on, where the tool
     stood off the plan (M, 3) [m], base frame, while the log was taken, the probability with which it must make a point better,
     and the steepest change of the offset along the path [m/m]. tolerance [m]: what is left at a corner is told from there on.
-    depth [m] of the cut, None: not stated."""
+    depth (M,) [m]: how deep across the feed the cut is at least, NaN where nothing tells."""
 
     prediction: Prediction
     stood: Array
     confidence: float
     slope: float
     tolerance: float
-    depth: float | None
+    depth: Array
 
 
 def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Correction:
@@ -258,7 +258,8 @@ def _before_walls(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tu
         f"towards the wall behind {counted(told, 'correction', 'are')} held back, by up to {1e6 * held[worst]:.0f} um, which "
         f"may be left there as stock",
         "correct again by the log of the corrected pass (--logged-with), or round the corner in the toolpath; where the cut is "
-        "deeper than the tool stood aside it was in that stock: state --depth-of-cut")]
+        "deeper than the tool stood aside it was in that stock: state --depth-of-cut, or what tells it (cutting in cell.yaml, "
+        "--first-forces)")]
 
 
 def _limited(loaded: LoadedPath, offset: Array, slope: float) -> Array:

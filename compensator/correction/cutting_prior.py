@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from compensator.correction.settings import CorrectionSettings, Estimate
+from compensator.correction.settings import DEPTH, CorrectionSettings, Estimate
 from compensator.cutting.materials import MATERIALS
 from identification.common.arrays import Array
 from identification.model.cell_file import CuttingFile
@@ -38,9 +38,13 @@ from identification.model.cell_file import CuttingFile
 DIRECTION, WIDTH = 0.8, 0.4
 # Of the mean chip thickness alone: teeth, and depth by diameter.
 TEETH, ENGAGED = 3, 0.1
-# So large a share of the push across grows with the depth. And 1 sigma of ln K: where the depth was stated (cutters differ by
-# 0.16 as above, the stock that is there from the stock that was planned by 0.25), and where it was not. Engineering judgement.
-GROWS, DEPTH_WIDTH, FORCE_WIDTH = 0.75, 0.3, 0.8
+# So large a share of the push across grows with the depth, and 1 sigma of its logarithm over cutters, as above.
+GROWS, CUTTERS_DIFFER = 0.75, 0.16
+# 1 sigma of ln K: where the depth was stated (cutters differ, and the stock that is there from the stock that was planned by
+# 0.25), and where it was not. Engineering judgement.
+DEPTH_WIDTH, FORCE_WIDTH = 0.3, 0.8
+# 2.5 % of all cuts are less deep across the feed [m].
+SHALLOWEST_CUT = DEPTH * float(np.exp(-2 * FORCE_WIDTH))
 # The same of a slot whose depth along the axis was stated: where the stock's top and the tool's tip really are.
 SLOT_WIDTH = 0.15
 # Where none was stated: the middle, and 1 sigma of ln. 95 % within 5 % of the diameter of a cutter of 8 mm and half of that of

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.correct import Corrected, correct
+from compensator.correction.correct import Corrected, correct, restrained
 from compensator.correction.cutting_prior import SLOT_DEPTH, WIDTH, of_force
 from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.engagement import LoggedPass, across_feed, following_the_cut
@@ -178,7 +178,7 @@ def _finer(corrected: Corrected, tolerance: float) -> Array:
 
 
 def _elsewhere(corrected: Corrected, other: LoadedPath | None) -> Array | None:
-    """What is held back, and what is left between targets, grows as the deviation does there."""
+    """What is left between targets grows as the deviation does there; what is held back is worked out there."""
     if other is None:
         return None
     predicted = _with(corrected.predicted, other)
@@ -188,4 +188,6 @@ def _elsewhere(corrected: Corrected, other: LoadedPath | None) -> Array | None:
     between = corrected.between
     if between is not None:
         between = replace(between, square=between.square * grown[between.piece] ** 2)
-    return _again(replace(corrected, between=between, residual=corrected.residual * grown[predicted.targets]), predicted)
+    cut, prediction = following_the_cut(predicted, corrected.kept, corrected.logged)
+    residual = restrained(predicted, corrected.logged, cut, prediction).residual
+    return _again(replace(corrected, between=between, residual=residual), predicted)

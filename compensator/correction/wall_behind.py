@@ -6,7 +6,8 @@ met: what it cuts there pushes it along the feed, on into the wall behind, and t
 as the corner comes near, may be missing. So towards the wall behind an offset is made for the worse side: from where it begins
 to rise before the corner, to D behind it, it stays one sigma below what it was before. What it would have risen is left as
 stock, which the log of that pass shows; it is never so much that the point is farther off than without correction. A
-tool that stood aside by less than a stated depth of cut turned within the stock: its log tells the force there.
+tool that stood aside by less than the cut is deep turned within the stock: its log tells the force there. So does that of a
+corrected pass, whose tool stands aside by little (least_depth.py).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.corners import sharp_corners
+from compensator.correction.cutting_prior import SHALLOWEST_CUT
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import directions
 
@@ -27,12 +29,13 @@ STRAIGHT = 1 - 1e-6     # cosine between moves that are in line
 
 
 def held_before_the_wall(
-    path: RobotPath, targets: Indices, offset: Array, sigma: Array, stood: Array, force: Array, depth: float | None
+    path: RobotPath, targets: Indices, offset: Array, sigma: Array, stood: Array, force: Array, depth: Array
 ) -> Array:
     """The offsets (M, 3) [m] of the targets (M,), held at inner sharp corners.
 
     sigma (M,) [m] of them. stood (M, 3) [m]: where the tool of the log stood off the plan; force (M, 3) [N] on it. All in the
-    resting frame (external_axes.py). depth [m] of the cut across the feed, None: nobody stated it.
+    resting frame (external_axes.py). depth (M,) [m]: how deep across the feed the cut is at least, NaN
+    where nothing tells.
     """
     corners = sharp_corners(path, targets)
     result, length = offset.copy(), path.length[targets]
@@ -43,7 +46,7 @@ def held_before_the_wall(
         before, behind = way[targets[corner] - 1], way[targets[corner]]
         early = float(stood[corner] @ behind)
         first, stop = int(ends[end - 1]), min(int(np.searchsorted(length, length[corner] + early)), int(ends[end + 1]))
-        if early <= (depth or 0.0) or force[stop] @ before >= 0:
+        if early <= _least(depth[first:corner + 1]) or force[stop] @ before >= 0:
             continue        # an outer corner, one in whose stock the tool turned, or no wall behind it
         calm = np.linalg.norm(offset[corner + 1:stop] - offset[stop], axis=1) <= sigma[corner + 1:stop]
         stop = corner + 1 + int(np.argmax(calm)) if calm.any() else stop      # it is in the cut behind already
@@ -56,6 +59,11 @@ def held_before_the_wall(
         room[-1] = min(room[-1], ROOM * size[-1])       # what stands behind it is not held
         result[low:stop] -= np.clip(rise, 0.0, room)[:, None] * before
     return result
+
+
+def _least(depth: Array) -> float:
+    """Of the depths (n,) [m] on the way to a corner: as it comes near the push across is that of the wall behind too."""
+    return float(np.nanmin(depth)) if np.isfinite(depth).any() else SHALLOWEST_CUT
 
 
 def _ends_of_lines(way: Array, targets: Indices) -> Indices:

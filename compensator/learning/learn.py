@@ -22,6 +22,7 @@ from compensator.learning.refusals import refuse_without_physics, refuse_worse, 
 from compensator.learning.rows import rows_of
 from compensator.learning.shifted import said_of_shift
 from compensator.learning.terms import Terms
+from compensator.learning.unseen import said_of_unseen
 from compensator.learning.wrong_axes import refuse_wrong_axes
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
@@ -93,7 +94,8 @@ def learn(
                       (len(placed.rows), len(points)), points.source, chosen.logged_with, ())
     findings = (*points.findings, *predicted.findings, *driven, *placed.findings, *rows.findings,
                 *said_of_shift(rows, rows.value - rows.seen(offsets)[:, 0], predicted, points.source),
-                *said_of(result, before, mean), *said_of_causes(asked, points.source))
+                *said_of_unseen(rows, predicted, points.source), *said_of(result, before, mean),
+                *said_of_causes(asked, points.source))
     refuse_worse(fitted.tried, points.source, findings)
     refuse_without_physics(result, points.source, findings)
     return replace(result, findings=findings)

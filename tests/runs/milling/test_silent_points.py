@@ -11,7 +11,7 @@ import pytest
 from tests.runs.command_line import user_files as kit
 from tests.runs.milling.learning_job import ErringJob
 from tests.virtual_cell.endmill import EndMill
-from tests.virtual_cell.milled_part import slot_and_pocket
+from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
 
 RADIUS = EndMill().radius_mm
 
@@ -45,6 +45,21 @@ def test_points_beside_the_path_along_their_normals(job: ErringJob, radius: floa
     values[:, :3] += probe_mm * values[:, 3:6]
     file.write_text("\n".join([header, *(",".join(f"{x:.6g}" for x in row) for row in values)]) + "\n")
     assert told(job, file, "--tool-radius-mm", radius, "--within-mm", 10) == ({"CS5327"} if said else set())
+
+
+def test_a_direction_that_no_point_shows(job: ErringJob) -> None:
+    """The normals of upright walls are level; a slot's floor shows the height, and points in space show all."""
+    walls = job.measure(job.first, "walls.csv", along_normal=True)
+    done = learned(job, walls, "--tool-radius-mm", RADIUS, "--within-mm", 10)
+    assert "along (0.00, 0.00, 1.00) of its work object" in next(
+        finding["message"] for finding in done.json["findings"] if finding["code"] == "CS5331")
+    plan, off = job.first.steps.between(job.part.target_mm), job.first.off_um
+    slot = job.first.steps.place == PLACES.index("slot")
+    rows = np.column_stack([plan[slot] - [0, 0, RADIUS], off[slot, 2]])
+    floor = [f"{x:.6g},{y:.6g},{z:.6g},0,0,1,{up:.6g},3" for x, y, z, up in rows]
+    walls.write_text("\n".join([*walls.read_text().splitlines(), *floor]) + "\n")
+    for points in (walls, job.measure(job.first, "points.csv")):
+        assert "CS5331" not in kit.codes(learned(job, points, "--tool-radius-mm", RADIUS, "--within-mm", 10))
 
 
 @pytest.mark.parametrize(("share", "said"), [(1.0, set()), (0.6, {"CS5328"})])
