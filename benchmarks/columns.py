@@ -12,6 +12,8 @@ import argparse
 import sys
 import tempfile
 from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -19,13 +21,53 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from benchmarks import cut_direction, passes
-from compensator.forces.cut_direction import said_of_direction, travel
+from compensator.forces.cut_direction import Travel, said_of_direction, travel
 from compensator.forces.swapped_columns import swapped_columns
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
+from identification.common.findings import Finding
 
 ORDERS = {"right": (0, 1, 2),
           "y x z": (1, 0, 2), "z y x": (2, 1, 0), "x z y": (0, 2, 1), "y z x": (1, 2, 0), "z x y": (2, 0, 1)}
+Draw = Callable[[str, np.random.Generator, Path], tuple[RobotPath, Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """The forces (N, 3) of a job as logged in one frame, with one thing changed, and what is said of their directions."""
+
+    kind: str
+    number: int
+    frame: str
+    changed: str
+    path: RobotPath
+    cuts: Travel
+    force: Array
+    said: list[Finding]
+
+
+def logs(jobs: int, seed: int, drawn: Draw, changes: Mapping[str, Callable[[Array], Array]]) -> Iterator[Log]:
+    """Of each kind of job so many, in the robot's axes and in the tool's, changed in each way before they are read."""
+    with tempfile.TemporaryDirectory() as folder:
+        for kind in ("rasters and spirals", "slot and pocket"):
+            for number in range(jobs):
+                path, force = drawn(kind, np.random.default_rng((seed, number)), Path(folder))
+                cuts = travel(path, np.any(force != 0, axis=1))
+                if cuts is None:
+                    continue
+                axes = {"base": np.broadcast_to(np.eye(3), (len(force), 3, 3)), "tool": path.base_from_tcp.rotation}
+                for frame, turned in axes.items():
+                    for changed, change in changes.items():
+                        logged = change(np.einsum("nji,nj->ni", turned, force))
+                        forces = {name: np.einsum("nij,nj->ni", one, logged) for name, one in axes.items()}
+                        said = [*said_of_direction(cuts, forces, frame, "log"),
+                                *swapped_columns(cuts, forces[frame], turned, "log")]
+                        yield Log(kind, number, frame, changed, path, cuts, forces[frame], said)
+
+
+def warned(findings: list[Finding]) -> list[str]:
+    """The codes of the warnings among them."""
+    return sorted(one.code for one in findings if one.level == "warning")
 
 
 def drawn(kind: str, rng: np.random.Generator, folder: Path) -> tuple[RobotPath, Array]:
@@ -40,29 +82,16 @@ def drawn(kind: str, rng: np.random.Generator, folder: Path) -> tuple[RobotPath,
 
 
 def main(jobs: int, seed: int) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        for kind in ("rasters and spirals", "slot and pocket"):
-            said: dict[str, Counter[str]] = defaultdict(Counter)
-            for number in range(jobs):
-                path, force = drawn(kind, np.random.default_rng((seed, number)), Path(folder))
-                cuts = travel(path, np.any(force != 0, axis=1))
-                if cuts is None:
-                    continue
-                axes = {"base": np.broadcast_to(np.eye(3), (len(force), 3, 3)), "tool": path.base_from_tcp.rotation}
-                for frame, turned in axes.items():
-                    for order, columns in ORDERS.items():
-                        logged = np.einsum("nji,nj->ni", turned, force)[:, columns]
-                        forces = {name: np.einsum("nij,nj->ni", one, logged) for name, one in axes.items()}
-                        found = [*said_of_direction(cuts, forces, frame, "log"),
-                                 *swapped_columns(cuts, forces[frame], turned, "log")]
-                        codes = sorted(one.code for one in found if one.level == "warning")
-                        said[order]["+".join(codes) or "silent"] += 1
-                        if order == "right" and codes:
-                            print(f"{kind} {number} in {frame}, right: {codes}")
-            for order, counts in said.items():
-                of = sum(counts.values())
-                here = sum(count for codes, count in counts.items() if "CS3078" in codes)
-                print(f"{kind}, {order}: told {of - counts['silent']} of {of}, CS3078 {here}: {dict(counts.most_common())}")
+    said: dict[str, Counter[str]] = defaultdict(Counter)
+    orders = {name: lambda logged, order=order: logged[:, order] for name, order in ORDERS.items()}
+    for log in logs(jobs, seed, drawn, orders):
+        codes = warned(log.said)
+        said[f"{log.kind}, {log.changed}"]["+".join(codes) or "silent"] += 1
+        if log.changed == "right" and codes:
+            print(f"{log.kind} {log.number} in {log.frame}, right: {codes}")
+    for row, counts in said.items():
+        of, here = sum(counts.values()), sum(count for codes, count in counts.items() if "CS3078" in codes)
+        print(f"{row}: told {of - counts['silent']} of {of}, CS3078 {here}: {dict(counts.most_common())}")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tempfile
 from collections import Counter, defaultdict
 from dataclasses import replace
 from pathlib import Path
@@ -21,8 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from benchmarks import cut_direction, passes
-from compensator.forces.cut_direction import said_of_direction, travel
-from compensator.forces.swapped_columns import swapped_columns
+from benchmarks.columns import logs, warned
 from compensator.forces.turned_over import said_of_axial, said_of_mirror
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
@@ -44,31 +42,16 @@ def drawn(kind: str, rng: np.random.Generator, folder: Path) -> tuple[RobotPath,
 
 
 def main(jobs: int, seed: int) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        for kind in ("rasters and spirals", "slot and pocket"):
-            said: dict[str, Counter[str]] = defaultdict(Counter)
-            for number in range(jobs):
-                path, force = drawn(kind, np.random.default_rng((seed, number)), Path(folder))
-                cuts = travel(path, np.any(force != 0, axis=1))
-                if cuts is None:
-                    continue
-                axes = {"base": np.broadcast_to(np.eye(3), (len(force), 3, 3)), "tool": path.base_from_tcp.rotation}
-                for frame, turned in axes.items():
-                    for flip, signs in FLIPS.items():
-                        logged = np.einsum("nji,nj->ni", turned, force) * signs
-                        forces = {name: np.einsum("nij,nj->ni", one, logged) for name, one in axes.items()}
-                        found = [*said_of_direction(cuts, forces, frame, "log"),
-                                 *swapped_columns(cuts, forces[frame], turned, "log")]
-                        before = [one.code for one in found if one.level == "warning"]
-                        if not before:
-                            found += [*said_of_mirror(cuts, forces[frame], "log"),
-                                      *said_of_axial(cuts, path, forces[frame], "log")]
-                        codes = sorted(one.code for one in found if one.level == "warning")
-                        said[flip]["+".join(codes) or "silent"] += 1
-                        if flip == "right" and codes:
-                            print(f"right, {kind} {number}, {frame}: {codes}")
-            for flip, counts in said.items():
-                print(f"{kind}, {flip}: {dict(counts)}")
+    said: dict[str, Counter[str]] = defaultdict(Counter)
+    flips = {name: lambda logged, signs=signs: logged * signs for name, signs in FLIPS.items()}
+    for log in logs(jobs, seed, drawn, flips):
+        codes = warned(log.said) or warned([*said_of_mirror(log.cuts, log.force, "log"),
+                                            *said_of_axial(log.cuts, log.path, log.force, "log")])
+        said[f"{log.kind}, {log.changed}"]["+".join(codes) or "silent"] += 1
+        if log.changed == "right" and codes:
+            print(f"right, {log.kind} {log.number}, {log.frame}: {codes}")
+    for row, counts in said.items():
+        print(f"{row}: {dict(counts)}")
 
 
 if __name__ == "__main__":
