@@ -6,7 +6,7 @@ prediction. Without links neither does.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,13 @@ MOST_KEPT = 20_000
 
 @dataclass(frozen=True, eq=False)
 class LoadTest:
-    """All that a model is fitted to or predicts: the cell, its rows (n), measured or planned, and the prior."""
+    """All that a model is fitted to or predicts: the cell, its rows (n), measured or planned, and the prior. last: the state
+    that was worked out last, if any."""
 
     cell: Cell
     rows: Measurements
     prior: PriorModel
+    last: list[LoadState] = field(default_factory=list, init=False, repr=False)
 
     @classmethod
     def of(cls, cell: Cell, rows: Measurements) -> LoadTest:
@@ -41,12 +43,11 @@ class LoadTest:
 
     def load_state(self, compliance: Array) -> LoadState:
         """What the effects may look at, on a robot with these springs (6,) [rad/(N m)], that sags under its own weight."""
-        known: LoadState | None = vars(self).get("_last")
-        if known is not None and np.array_equal(known.compliance, compliance):
-            return known
+        if self.last and np.array_equal(self.last[0].compliance, compliance):
+            return self.last[0]
         state = self._state(compliance.copy())
         if len(self.rows) <= MOST_KEPT:
-            vars(self)["_last"] = state
+            self.last[:] = [state]
         return state
 
     def _state(self, compliance: Array) -> LoadState:
