@@ -31,7 +31,7 @@ from identification.diagnosis.odds import (
 from identification.diagnosis.power import showing
 from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.share import share_of
-from identification.diagnosis.slight import of_nothing, without_slight
+from identification.diagnosis.slight import beyond_laws, of_nothing, without_slight
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
@@ -249,7 +249,9 @@ class Procedure:
     def with_names(self, judgement: Judgement, seen: Survey, best: Hypothesis, slight: frozenset[str]) -> Judgement:
         """Names where they are certain and of use on rows that were not fitted, else the set of them; slight: labels of the
         extended model that are none."""
-        extended, names = judgement.extended, inclusion(seen)
+        extended, names, choices = judgement.extended, inclusion(seen), len(seen.dictionary.entries)
+        slight -= {cause.label for cause in names if cause.label in slight and cause.probability >= CERTAIN
+                   and beyond_laws(extended, cause.label, choices)}
         labels = {term.label for term in extended.terms} - slight
         # Of what the model can do without, or what is none, it matters not which it was.
         named = {k for k in best.key if seen.dictionary.entries[k].label in labels}
@@ -277,7 +279,7 @@ class Procedure:
         if judgement.detection.p_value > self.alarm and len({cause.effect.name for cause in causes}) < len(causes):
             return self.unknown(judgement, seen, judgement.detection,
                                 dict.fromkeys((cause.label for cause in causes), SCATTER_IN_WORDS))
-        odds = log_odds(judgement, len(seen.dictionary.entries))
+        odds = log_odds(judgement, choices)
         # What touches one pose alone a tail that is heavier than the rows can show explains as well.
         doubt = doubt_of(judgement.detection, odds, np.inf if only_local(seen, best) else least_odds(judgement.plain))
         if doubt:

@@ -62,6 +62,16 @@ def without_slight(
     return extended, frozenset(small & {term.label for term in extended.terms})
 
 
+def beyond_laws(extended: Posterior, label: str, choices: int) -> bool:
+    """Whether the rows need a small term far more than what the laws of the others may be off by, the choice among so many
+    effects counted: then it is a cause, however small."""
+    without = _without(extended, {label})
+    if without is extended or label in brought_along(extended):
+        return False
+    gained = log_evidence(with_free_laws(extended)) - log_evidence(with_free_laws(without))
+    return gained - float(np.log(choices)) > NEEDED
+
+
 def weighed_anew(extended: Posterior) -> Posterior:
     """The extended model, or the same from another weight where that is far likelier once the laws are free: a law that is not
     quite the gear's may fit best under a wrong one, from which no slope leads to the other."""

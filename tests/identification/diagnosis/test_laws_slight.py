@@ -12,6 +12,7 @@ import pytest
 
 from identification.diagnosis import slight
 from identification.diagnosis.slight import (
+    beyond_laws,
     beyond_nothing,
     brought_along,
     needless,
@@ -209,3 +210,25 @@ def test_of_use_is_what_makes_fresh_rows_twenty_times_likelier(monkeypatch: pyte
     assert asked == [["one"], ["one"]]
     monkeypatch.setattr(slight, "attempt", lambda *_: None)
     assert slight._of_no_use(nothing, extended, "other", nothing) is False
+
+
+@pytest.mark.parametrize(("alone", "brought", "cause"), [
+    (-21.3, {}, False), (-21.5, {}, True), (-99.0, {"other": "gear"}, False)])
+def test_a_small_effect_is_a_cause_where_no_real_law_does_what_it_does(
+    monkeypatch: pytest.MonkeyPatch, alone: float, brought: dict[str, str], cause: bool,
+) -> None:
+    """A thousand to one (ln 6.9) with the laws free, the choice among ninety (ln 4.5) counted; never what another brings
+    along."""
+    def fit(*labels: str) -> Any:
+        return SimpleNamespace(terms=[SimpleNamespace(label=label) for label in labels], data=None, free=False)
+
+    monkeypatch.setattr(slight, "attempt", lambda data, kept, near: fit(*(term.label for term in kept)))
+    monkeypatch.setattr(slight, "with_free_laws", lambda extended: SimpleNamespace(terms=extended.terms, free=True))
+    monkeypatch.setattr(slight, "brought_along", lambda extended: brought)
+    values = {("gear", "other"): -10.0, ("gear",): alone}
+    monkeypatch.setattr(slight, "log_evidence", lambda extended: values[tuple(t.label for t in extended.terms)] - 99.0 * (
+        not extended.free))
+    assert beyond_laws(fit("gear", "other"), "other", 90) is cause
+    # Of a set that does not converge nothing is known.
+    monkeypatch.setattr(slight, "attempt", lambda *_: None)
+    assert not beyond_laws(fit("gear", "other"), "other", 90)
