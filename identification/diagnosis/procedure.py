@@ -251,7 +251,7 @@ class Procedure:
         extended model that are none."""
         extended, names, choices = judgement.extended, inclusion(seen), len(seen.dictionary.entries)
         slight -= {cause.label for cause in names if cause.label in slight and cause.probability >= CERTAIN
-                   and beyond_laws(extended, cause.label, choices)}
+                   and beyond_laws(judgement.plain, extended, cause.label, choices)}
         labels = {term.label for term in extended.terms} - slight
         # Of what the model can do without, or what is none, it matters not which it was.
         named = {k for k in best.key if seen.dictionary.entries[k].label in labels}

@@ -28,6 +28,9 @@ NOTHING = 2.0
 NEEDED = float(np.log(1000.0))
 # Nor is one of this share of the signal of an effect whose law is uncertain by more.
 BESIDE = 0.15
+# Nor does it count as more than their laws where it brings less than this share of the evidence that all have against none:
+# real laws differ from the dictionary's in shapes that are not among the free ones too.
+BEYOND_SHARE = 0.1
 # Weights that are tried instead of one that was found, in shares of it.
 OTHER_WEIGHTS = (0.65, 1.5)
 
@@ -62,14 +65,15 @@ def without_slight(
     return extended, frozenset(small & {term.label for term in extended.terms})
 
 
-def beyond_laws(extended: Posterior, label: str, choices: int) -> bool:
+def beyond_laws(plain: Posterior, extended: Posterior, label: str, choices: int) -> bool:
     """Whether the rows need a small term far more than what the laws of the others may be off by, the choice among so many
     effects counted: then it is a cause, however small."""
     without = _without(extended, {label})
     if without is extended or label in brought_along(extended):
         return False
-    gained = log_evidence(with_free_laws(extended)) - log_evidence(with_free_laws(without))
-    return gained - float(np.log(choices)) > NEEDED
+    free = log_evidence(with_free_laws(extended))
+    gained = free - log_evidence(with_free_laws(without))
+    return gained > max(NEEDED + float(np.log(choices)), BEYOND_SHARE * (free - log_evidence(plain)))
 
 
 def weighed_anew(extended: Posterior) -> Posterior:

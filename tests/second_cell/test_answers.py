@@ -164,16 +164,20 @@ def test_more_noise_than_stated_is_no_name_by_itself() -> None:
     assert any(finding.code == "CS1041" for finding in found.findings)
 
 
-# Long: test_a_small_effect_is_a_cause_where_no_real_law_does_what_it_does (tests/identification/diagnosis/test_laws_slight.py).
+# Long: test_what_is_small_stays_where_it_is_of_use_and_is_no_name (tests/identification/diagnosis/test_laws_slight.py), and for
+# the words test_what_another_term_brings_along_is_told_with_its_name there.
 @pytest.mark.long
-def test_a_small_cause_beside_a_large_one_is_named_where_no_law_explains_it() -> None:
-    """A fifth of its typical size: without it the model is off by several of its sigmas at fresh poses."""
+def test_a_small_cause_beside_a_named_one_is_told_and_stays_in_the_model() -> None:
+    """It is too small for a name, and poses that were not fitted show it: without it the model is off by several of its sigmas
+    at fresh poses."""
     main, small = Hidden("deflection_sensor_rotation", 0, 1.5), Hidden("base_shift", 0, 0.2)
     case = simulate(98001, "cycles", "near", (main, small), weight="known")
     found = diagnosed(case)
-    fresh = at_fresh_poses(case, found)
-    assert {cause.label for cause in found.causes} == {main.effect, small.effect}
-    assert not found.judgement.companions
+    content, fresh = found.as_dict(), at_fresh_poses(case, found)
+    assert [cause.label for cause in found.causes] == [main.effect]
+    assert [one["effect"] for one in content["companions"]] == [small.effect]
+    assert any(f"something smaller is at work, up to {content['companions'][0]['largest_um']:.0f} um: base shift" in line
+               for line in found.lines())
     assert fresh.named < 1.5 * fresh.told
     assert min(fresh.components[1], fresh.points[1]) > 0.85
 

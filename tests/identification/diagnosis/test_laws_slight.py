@@ -212,23 +212,24 @@ def test_of_use_is_what_makes_fresh_rows_twenty_times_likelier(monkeypatch: pyte
     assert slight._of_no_use(nothing, extended, "other", nothing) is False
 
 
-@pytest.mark.parametrize(("alone", "brought", "cause"), [
-    (-21.3, {}, False), (-21.5, {}, True), (-99.0, {"other": "gear"}, False)])
+@pytest.mark.parametrize(("alone", "plain", "brought", "cause"), [
+    (-21.3, -50.0, {}, False), (-21.5, -50.0, {}, True), (-99.0, -99.0, {"other": "gear"}, False),
+    (-29.9, -210.0, {}, False), (-30.1, -210.0, {}, True)])
 def test_a_small_effect_is_a_cause_where_no_real_law_does_what_it_does(
-    monkeypatch: pytest.MonkeyPatch, alone: float, brought: dict[str, str], cause: bool,
+    monkeypatch: pytest.MonkeyPatch, alone: float, plain: float, brought: dict[str, str], cause: bool,
 ) -> None:
-    """A thousand to one (ln 6.9) with the laws free, the choice among ninety (ln 4.5) counted; never what another brings
-    along."""
+    """A thousand to one (ln 6.9) with the laws free, the choice among ninety (ln 4.5) counted, and a tenth of the evidence of
+    all effects against none; never what another brings along."""
     def fit(*labels: str) -> Any:
-        return SimpleNamespace(terms=[SimpleNamespace(label=label) for label in labels], data=None, free=False)
+        return SimpleNamespace(terms=[SimpleNamespace(label=label) for label in labels], data=None, free=not labels)
 
     monkeypatch.setattr(slight, "attempt", lambda data, kept, near: fit(*(term.label for term in kept)))
     monkeypatch.setattr(slight, "with_free_laws", lambda extended: SimpleNamespace(terms=extended.terms, free=True))
     monkeypatch.setattr(slight, "brought_along", lambda extended: brought)
-    values = {("gear", "other"): -10.0, ("gear",): alone}
+    values = {("gear", "other"): -10.0, ("gear",): alone, (): plain}
     monkeypatch.setattr(slight, "log_evidence", lambda extended: values[tuple(t.label for t in extended.terms)] - 99.0 * (
         not extended.free))
-    assert beyond_laws(fit("gear", "other"), "other", 90) is cause
+    assert beyond_laws(fit(), fit("gear", "other"), "other", 90) is cause
     # Of a set that does not converge nothing is known.
     monkeypatch.setattr(slight, "attempt", lambda *_: None)
-    assert not beyond_laws(fit("gear", "other"), "other", 90)
+    assert not beyond_laws(fit(), fit("gear", "other"), "other", 90)
