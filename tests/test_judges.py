@@ -21,7 +21,7 @@ JUDGES = [*(path for folder in ("virtual_cell", "second_cell") for path in (ROOT
 FIGURES = (
     (r"of (\d+) causes that the plan can identify at all (\d+) were named right", "docs/benchmarks.md",
      r"of the identifiable \| \*\*{1} of {0}\*\*"),
-    (r"none of (\d+) wrongly", "docs/benchmarks.md", r"\*\*wrong name\*\* \| \*\*0 of {0}\*\*"),
+    (r"(\d+) of (\d+) wrongly", "docs/benchmarks.md", r"\*\*wrong name\*\* \| \*\*{0} of {1}\*\*"),
     (r"with nothing hidden (\d+) alarms in (\d+)", "docs/benchmarks.md", r"with nothing hidden \| {0} of {1} "),
     (r"(\d+) % of those noticed were called unknown", "docs/benchmarks.md",
      r"outside the dictionary: unknown, of the detected \| \d+ of \d+ = {0} %"),
