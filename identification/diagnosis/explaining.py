@@ -107,7 +107,7 @@ class Explaining:
     def tested(self, named: Named) -> Explanation:
         """Causes with the test whether they explain the rows."""
         return Explanation(named, goodness_of_fit(named.fitted, self.catalogue, self.rng, self.replicates),
-                      beyond_stated(named.fitted, GRANTED_AFTER_NAMING))
+                           beyond_stated(named.fitted, GRANTED_AFTER_NAMING))
 
 
 def strained(fitted: Posterior) -> bool:

@@ -54,15 +54,20 @@ def deviations(folder: Path) -> np.ndarray:
     return kit.column(kit.table(folder / "offsets.csv"), "dx_um", "dy_um", "dz_um")
 
 
+def only_the_first_ten(folder: Path, path: Path3) -> None:
+    """They deviate by their own force, and what comes behind them by none."""
+    seen = deviations(folder)
+    meant = kit.deviation(IRB6660, path.q[5], TOOL.p, np.r_[FORCE, 0, 0, 0], K) * 1e6
+    np.testing.assert_allclose(seen[5], meant, atol=0.5)
+    assert not np.nan_to_num(seen[10:]).any()
+
+
 def test_forces_behind_such_a_move_are_left_where_the_log_counts_its_way(tmp_path: Path) -> None:
     path = Path3(POINTS)
     result = Job(tmp_path, program=programs(path)["loop"], forces=log(path)).correct("--json", "--keep-targets")
     assert result.code == 0, result
     assert {"CS2056", "CS3124"} <= kit.codes(result)
-    seen = deviations(tmp_path)
-    meant = kit.deviation(IRB6660, path.q[5], TOOL.p, np.r_[FORCE, 0, 0, 0], K) * 1e6
-    np.testing.assert_allclose(seen[5], meant, atol=0.5)
-    assert not np.nan_to_num(seen[10:]).any()
+    only_the_first_ten(tmp_path, path)
 
 
 # By a parameter the ten targets of the way come last in the text, and are handed over in its order.
@@ -86,10 +91,7 @@ def test_forces_behind_a_routine_of_another_file_do_not_land_on_other_targets(tm
     result = Job(tmp_path, program=text, forces=log(path)).correct("--json", "--keep-targets")
     assert result.code == 0, result
     assert {"CS2016", "CS3124"} <= kit.codes(result)
-    seen = deviations(tmp_path)
-    meant = kit.deviation(IRB6660, path.q[5], TOOL.p, np.r_[FORCE, 0, 0, 0], K) * 1e6
-    np.testing.assert_allclose(seen[5], meant, atol=0.5)
-    assert not np.nan_to_num(seen[10:]).any()
+    only_the_first_ten(tmp_path, path)
 
 
 def test_elements_that_a_loop_hands_over_are_corrected_in_the_array(tmp_path: Path) -> None:
