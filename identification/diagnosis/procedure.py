@@ -31,7 +31,7 @@ from identification.diagnosis.odds import (
 from identification.diagnosis.power import showing
 from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.share import share_of
-from identification.diagnosis.slight import beyond_laws, of_nothing, without_slight
+from identification.diagnosis.slight import no_names, of_nothing, without_slight
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
@@ -250,8 +250,7 @@ class Procedure:
         """Names where they are certain and of use on rows that were not fitted, else the set of them; slight: labels of the
         extended model that are none."""
         extended, names, choices = judgement.extended, inclusion(seen), len(seen.dictionary.entries)
-        slight -= {cause.label for cause in names if cause.label in slight and cause.probability >= CERTAIN
-                   and beyond_laws(judgement.plain, extended, cause.label, choices)}
+        slight = no_names(slight, names, judgement.plain, extended, choices)
         labels = {term.label for term in extended.terms} - slight
         # Of what the model can do without, or what is none, it matters not which it was.
         named = {k for k in best.key if seen.dictionary.entries[k].label in labels}

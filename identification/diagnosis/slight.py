@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -12,7 +13,8 @@ from identification.common.tails import chi2_above, chi2_tail
 from identification.diagnosis.attempt import attempt
 from identification.diagnosis.extended_model import with_free_laws
 from identification.diagnosis.gain import AGAINST, gain
-from identification.diagnosis.naming import LIKELIER
+from identification.diagnosis.judgement import Cause
+from identification.diagnosis.naming import CERTAIN, LIKELIER
 from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.evidence import log_evidence
@@ -63,6 +65,14 @@ def without_slight(
     useless = {label for label in small if _of_no_use(data, extended, label, rng)}
     extended = weighed_anew(_without(extended, useless | _slight_beside(data, extended, rng)))
     return extended, frozenset(small & {term.label for term in extended.terms})
+
+
+def no_names(
+    slight: frozenset[str], names: Sequence[Cause], plain: Posterior, extended: Posterior, choices: int,
+) -> frozenset[str]:
+    """Of labels of small terms those that are no names: all but the certain ones that no law of the others explains."""
+    return slight - {cause.label for cause in names if cause.label in slight and cause.probability >= CERTAIN
+                     and beyond_laws(plain, extended, cause.label, choices)}
 
 
 def beyond_laws(plain: Posterior, extended: Posterior, label: str, choices: int) -> bool:

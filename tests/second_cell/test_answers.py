@@ -164,6 +164,14 @@ def test_more_noise_than_stated_is_no_name_by_itself() -> None:
     assert any(finding.code == "CS1041" for finding in found.findings)
 
 
+def test_a_small_cause_is_named_where_no_law_of_the_large_one_does_what_it_does() -> None:
+    """A zero of joint 2 that moves by less than is typical, beside creep: no creep begins at a row."""
+    pair = (Hidden("encoder_zero", 2, 1.08), Hidden("creep", 0, 0.84))
+    found = diagnosed(simulate(3000022, "cycles", "near", pair, weight="known"))
+    assert {cause.label for cause in found.causes} == {"creep", "encoder_zero[2]"}
+    assert not found.judgement.companions
+
+
 # Long: test_what_is_small_stays_where_it_is_of_use_and_is_no_name (tests/identification/diagnosis/test_laws_slight.py), and for
 # the words test_what_another_term_brings_along_is_told_with_its_name there.
 @pytest.mark.long

@@ -16,6 +16,7 @@ from identification.diagnosis.slight import (
     beyond_nothing,
     brought_along,
     needless,
+    no_names,
     of_nothing,
     weighed_anew,
     without_slight,
@@ -233,3 +234,14 @@ def test_a_small_effect_is_a_cause_where_no_real_law_does_what_it_does(
     # Of a set that does not converge nothing is known.
     monkeypatch.setattr(slight, "attempt", lambda *_: None)
     assert not beyond_laws(fit(), fit("gear", "other"), "other", 90)
+
+
+def test_a_small_term_is_a_name_where_it_is_certain_and_beyond_the_laws(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(slight, "beyond_laws", lambda plain, extended, label, choices: asked.append(label) or label != "law's")
+    names: Any = [SimpleNamespace(label=label, probability=probability) for label, probability in (
+        ("main", 1.0), ("sure", 0.96), ("law's", 0.96), ("likely", 0.94))]
+    nothing: Any = None
+    assert no_names(frozenset({"sure", "law's", "likely"}), names, nothing, nothing, 90) == {"law's", "likely"}
+    assert sorted(asked) == ["law's", "sure"]
+    assert no_names(frozenset(), names, nothing, nothing, 90) == frozenset()
