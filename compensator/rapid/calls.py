@@ -9,23 +9,20 @@ the next part.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from compensator.rapid.blocks import DEEPEST, Arm, Block, Fork, Loop, Routine, Step, end_routines
 from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
-from compensator.rapid.runs import Driven, Runs, Taken, Way
+from compensator.rapid.runs import Driven, Runs, Taken
 from compensator.rapid.runtime import MOTION, Parameter
 from compensator.rapid.scopes import Scope
 from compensator.rapid.values import Values
 from compensator.rapid.variables import MOST_TURNS, UNKNOWN, Known, Variables
+from compensator.rapid.ways import Choices, Open, ways_of
 
 # No more calls are followed: routines that call each other double with every level.
 MOST = 20_000
-# Nor more ways through the branches of a program.
-MOST_WAYS = 64
-# Loops of unknown turns are tried with so many, beside the number in the file, where there are so many of them.
-TURNS = ((1, 2, 3, 4, 5, 6, 7, 8, 0), (1, 2, 3, 4, 0), (1, 2, 0))
 # Nor one on which each move is driven so often, where there are more than so many.
 OFTEN, MANY = 10, 100_000
 # Nor blocks within blocks beyond DEEPEST, in calls or in loops, nor more blocks in all; and of a loop's turn with more
@@ -50,20 +47,24 @@ def runs_of(
     roots = [main] if main in roots else roots
     variables = Variables(values, routines, parameters)
     moving = _moving(routines, numbers)
-    run = _Run(routines, numbers, moving, variables, count, elsewhere=elsewhere)
+    run = _Run(routines, numbers, moving, variables, count, elsewhere)
     run.drive_all(roots)
+    total = _covered((stretch.first, stretch.stop) for stretch in run.driven)
+
+    def drive(choices: Choices) -> list[Driven]:
+        way = _Run(routines, numbers, moving, variables, count, elsewhere, choices, total, uncounted=run.uncounted)
+        way.drive_all(roots)
+        return way.driven
+
     # A function is called where its value is asked for, which is not looked at.
     asked = any(routine.kind == "func" and routine.stop > routine.first for routine in routines)
-    uncounted = run.uncounted
-    total = _covered((stretch.first, stretch.stop) for stretch in run.driven)
-    if len(numbers) < len(routines) or asked:
-        return Runs(tuple(run.driven), count, uncounted=tuple(sorted(uncounted)))
-    try:
-        ways = _ways(lambda choices: _Run(routines, numbers, moving, variables, count, choices, elsewhere=elsewhere,
-                                          total=total, uncounted=uncounted), roots)
-    except _Open as stopped:
-        return Runs(tuple(run.driven), count, open=stopped.many, unsettled=stopped.start, uncounted=tuple(sorted(uncounted)))
-    return Runs(tuple(run.driven), count, ways, uncounted=tuple(sorted(uncounted)))
+    runs = Runs(tuple(run.driven), count)
+    if len(numbers) == len(routines) and not asked:
+        try:
+            runs = replace(runs, ways=ways_of(drive))
+        except Open as stopped:
+            runs = replace(runs, open=stopped.many, unsettled=stopped.start)
+    return replace(runs, uncounted=tuple(sorted(run.uncounted)))
 
 
 def _covered(stretches: Iterable[tuple[int, int]]) -> int:
@@ -88,46 +89,18 @@ def _moving(routines: Sequence[Routine], numbers: Mapping[str, int]) -> frozense
     return frozenset(moving)
 
 
-def _ways(run_with: Callable[[tuple[int, ...]], _Run], roots: list[int]) -> tuple[Way, ...]:
-    """The ways that differ, that of the file's values first. Raises _Open."""
-    found: dict[tuple[tuple[int, int], ...], Way] = {}
-    waiting: list[tuple[int, ...]] = [()]
-    done = 0
-    while waiting:
-        choices = waiting.pop()
-        done += 1
-        run = run_with(choices)
-        run.drive_all(roots)
-        stretches = run.stretches()
-        found.setdefault(stretches, Way(stretches, tuple(run.taken)))
-        for at in range(len(choices), len(run.chosen)):
-            waiting += [(*run.chosen[:at], other) for other in range(run.options[at]) if other != run.chosen[at]]
-        if done + len(waiting) > MOST_WAYS:
-            raise _Open(many=True)
-    return tuple(sorted(found.values(), key=lambda way: not way.stated))
-
-
-class _Open(Exception):
-    """The text does not settle which moves are driven, or how often. many: since it leaves too many ways; start: offset of what
-    cannot be followed."""
-
-    def __init__(self, start: int = -1, *, many: bool = False) -> None:
-        self.start = start
-        self.many = many
-
-
 @dataclass(slots=True)
 class _Run:
-    """The state of the program while it is followed. moving: the routines that move, or call what does. choices: which of its
-    possible branches each open fork takes, one behind them the first; None: all of them, and loops twice."""
+    """The state of the program while it is followed. moving: the routines that move, or call what does. choices: those of its
+    way; None: it takes all branches, and loops twice."""
 
     routines: Sequence[Routine]
     numbers: Mapping[str, int]
     moving: frozenset[int]
     variables: Variables
     count: int
-    choices: tuple[int, ...] | None = None
-    elsewhere: Container[int] = ()
+    elsewhere: Container[int]
+    choices: Choices | None = None
     total: int = 0                                                  # targets that are driven at all
     displaced: bool = False
     soft: bool = False
@@ -136,9 +109,6 @@ class _Run:
     deep: int = 0
     blocks: int = 0
     driven: list[Driven] = field(default_factory=list)
-    taken: list[Taken] = field(default_factory=list)
-    chosen: list[int] = field(default_factory=list)
-    options: list[int] = field(default_factory=list)
     under_way: list[int] = field(default_factory=list)
     start: int = -1                                                 # of the call that led to where the run stands
     in_branches: set[str] = field(default_factory=set)              # routines that branches of this routine call
@@ -149,16 +119,6 @@ class _Run:
         self.variables.begin()
         for root in roots:
             self._drive(root, Step(0, "call", "", -1, -1), self.routines[root].scope)
-
-    def stretches(self) -> tuple[tuple[int, int], ...]:
-        """Targets first ... stop - 1 of the run, those that follow each other as one."""
-        merged: list[tuple[int, int]] = []
-        for stretch in self.driven:
-            if merged and merged[-1][1] == stretch.first:
-                merged[-1] = (merged[-1][0], stretch.stop)
-            else:
-                merged.append((stretch.first, stretch.stop))
-        return tuple(merged)
 
     def _drive(self, number: int, call: Step, scope: Scope) -> str:
         """Drives a routine; "exit" where the program ends in it."""
@@ -179,7 +139,7 @@ class _Run:
 
     def _not_followed(self, start: int = -1) -> None:
         if self.choices is not None:
-            raise _Open(start)
+            raise Open(start)
 
     def _block(self, block: Block, scope: Scope, branch: bool) -> str:
         """Drives a block; "return" or "exit" where its routine or the program ends in it."""
@@ -258,7 +218,7 @@ class _Run:
     def _loop(self, loop: Loop, scope: Scope, branch: bool) -> str:
         if self.choices is None:
             return self._twice(loop, scope, branch)
-        return (self._for if loop.head.kind == "for" else self._while)(loop, scope, branch)
+        return (self._for if loop.head.kind == "for" else self._while)(loop, scope, branch, self.choices)
 
     def _twice(self, loop: Loop, scope: Scope, branch: bool) -> str:
         """A loop for what it may drive: once, and again where it counts."""
@@ -296,7 +256,7 @@ class _Run:
         return _covered((body.first, body.stop) for body in bodies) < self.total
 
     def _openly(
-        self, loop: Loop, scope: Scope, branch: bool, values: Sequence[float] | None = None, name: str = "",
+        self, loop: Loop, scope: Scope, branch: bool, choices: Choices, values: Sequence[float] | None = None, name: str = "",
         assumed: int | None = None
     ) -> str:
         """A loop whose turns are not known, each number of them a way of its own. values: of its variable, as stated; assumed:
@@ -305,11 +265,7 @@ class _Run:
             self._skip(loop.body, scope)
             return ""
         stated = assumed if values is None or len(values) > MOST_TURNS else len(values)
-        tried = TURNS[min(self._open_loops(), len(TURNS)) - 1]
-        counts = tried if stated is None or stated in tried else (*tried, stated)
-        count = counts[self._choose(len(counts), 0 if stated is None else counts.index(stated))]
-        self.taken.append(Taken(loop.head.start, False, count == stated, count))
-        for turn in range(count):
+        for turn in range(choices.turns(loop.head.start, stated, self._open_loops())):
             if name:
                 self.variables.hold(name, Known(values[turn]) if values is not None and turn < len(values) else UNKNOWN)
             ended = self._block(loop.body, scope, branch)
@@ -332,21 +288,11 @@ class _Run:
         """How many loops of the program may have such turns."""
         return sum(self._moves(loop.body) for routine in self.routines for loop in routine.body.loops())
 
-    def _choose(self, options: int, first: int) -> int:
-        """Which of several ways is gone on, first where nothing was chosen. Raises _Open: too many."""
-        number = len(self.chosen)
-        choice = self.choices[number] if self.choices and number < len(self.choices) else first
-        if number > MOST_WAYS:
-            raise _Open(many=True)
-        self.chosen.append(choice)
-        self.options.append(options)
-        return choice
-
-    def _for(self, loop: Loop, scope: Scope, branch: bool) -> str:
+    def _for(self, loop: Loop, scope: Scope, branch: bool, choices: Choices) -> str:
         name, values, stated = self.variables.turns(loop.head, scope)
         if values is None or stated or len(values) > MOST_TURNS:
             with self.variables.loop(name):
-                return self._openly(loop, scope, branch, values, name)
+                return self._openly(loop, scope, branch, choices, values, name)
         with self.variables.loop(name):
             for value in values:
                 self.variables.hold(name, Known(value))
@@ -355,21 +301,19 @@ class _Run:
                     return ended
         return ""
 
-    def _while(self, loop: Loop, scope: Scope, branch: bool) -> str:
+    def _while(self, loop: Loop, scope: Scope, branch: bool, choices: Choices) -> str:
         counts = self.variables.changes(loop.body, loop.head)
         for turn in range(MOST_TURNS):
             known = self._truth(loop.head, scope)
             sure = known.value is not None and not known.stated
             if (sure and not known.value) or (turn and not counts):
                 return ""
-            if not sure and counts:
-                return self._openly(loop, scope, branch)
-            if not sure and self._not_all(loop):
-                return self._openly(loop, scope, branch, assumed=1)
+            if not sure and (counts or self._not_all(loop)):
+                return self._openly(loop, scope, branch, choices, assumed=None if counts else 1)
             ended = self._block(loop.body, scope, branch)
             if ended:
                 return ended
-        raise _Open
+        raise Open
 
     def _truth(self, head: Step, scope: Scope) -> Known:
         """Whether the condition of a WHILE, IF or ELSEIF holds."""
@@ -403,10 +347,10 @@ class _Run:
         # A pass that ends in an error is none.
         possible = [arm for arm in possible if arm is None or not _fails(arm.body)] or possible
         by_file = next((k for k, arm in enumerate(possible) if stated and arm is stated[0]), -1)
-        choice = self._choose(len(possible), max(by_file, 0))
+        choice = self.choices.choose(len(possible), max(by_file, 0))
         arm = possible[choice]
         if len(possible) > 1:
-            self.taken.append(Taken((fork if arm is None else arm).head.start, arm is None, choice == by_file))
+            self.choices.taken.append(Taken((fork if arm is None else arm).head.start, arm is None, choice == by_file))
         self.variables.learn(fork, arm, scope)
         return "" if arm is None else self._block(arm.body, scope, branch)
 
