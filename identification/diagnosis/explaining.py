@@ -9,7 +9,8 @@ import numpy as np
 
 from identification.diagnosis.begun import named_by_fits
 from identification.diagnosis.detect import Detection, goodness_of_fit
-from identification.diagnosis.naming import LIKELIER, Named, converged, likelier_fit, likeliest_fit, with_plainer_effects
+from identification.diagnosis.naming import LIKELIER, Named, converged, with_plainer_effects
+from identification.diagnosis.own_noise import held_against, likelier_fit, likeliest_fit
 from identification.diagnosis.search import Hypothesis, log_prior
 from identification.fit.misfit import GRANTED_AFTER_NAMING, beyond_stated
 from identification.fit.mistakes.evidence import log_evidence, under_ordinary_noise
@@ -99,6 +100,13 @@ class Explaining:
             if alone.adequacy.p_value > self.alarm:
                 found = alone
         return found
+
+    def held_against_noise(self, plain: Posterior, found: Explanation) -> Explanation:
+        """Causes that explain the rows, with others as likely as they are where the noise of a plain model that explains much
+        is theirs; or those of them that are likelier."""
+        named, likelier = held_against(found.named, plain, self.catalogue)
+        other = None if likelier is None else self.searched(likelier, len(likelier.terms))
+        return other if other is not None and other.enough and other.likelier_than(found) else replace(found, named=named)
 
     def searched(self, start: Posterior, levels: int = 2, rejected: frozenset[int] | None = None) -> Explanation:
         """The likeliest set of up to so many causes, seen from a fitted model, and whether it explains the rows."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.diagnosis.attempt import attempt
 from identification.diagnosis.judgement import Cause
-from identification.diagnosis.search import Hypothesis, Survey, log_prior, survey
+from identification.diagnosis.search import Hypothesis, Survey, survey
 from identification.fit.fitted_model import Term
 from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.posterior import Posterior
@@ -22,9 +22,7 @@ CERTAIN = 0.95
 OPEN_LAW = 0.01
 # How often the best set of causes is fitted and the dictionary looked through again from there.
 MAX_ROUNDS = 4
-# Of other sets of causes that are likely too so many are fitted, where the best does not explain the rows.
-MOST_TRIED = 4
-# ln of how much likelier such a fit must be.
+# ln of how much likelier the fit of another set must be, to be the better one.
 LIKELIER = 3.0
 # So many sets whose fit does not converge, and there is no use in trying further.
 MOST_LOST = 8
@@ -120,31 +118,6 @@ def _in_its_place(each_of: Sequence[Hypothesis], seen: Survey, number: int, othe
         before = merged.get(placed.key)
         merged[placed.key] = placed if before is None else replace(before, probability=before.probability + each.probability)
     return tuple(sorted(merged.values(), key=lambda each: -each.probability))
-
-
-def likeliest_fit(start: Posterior, catalogue: dict[str, Effect], levels: int) -> Posterior:
-    """Of the likeliest sets of one, two, ... causes, as seen from a fitted model, the one whose own fit, with its own noise, is
-    likeliest; the model itself where none converges."""
-    seen = survey(start, catalogue, levels)
-    sets = [hypothesis for size in range(1, levels + 1)
-            for hypothesis in [each for each in seen.hypotheses if len(each.entries) == size][:MOST_TRIED]]
-    fits = [fit for hypothesis in sets if (fit := attempt(start.data, seen.terms(hypothesis), start)) is not None]
-    entries = len(seen.dictionary.entries)
-    return max(fits, key=lambda fit: log_evidence(fit) + log_prior(len(fit.terms), entries), default=start)
-
-
-def likelier_fit(found: Named) -> Posterior | None:
-    """Of the other sets of as many causes that are likely too, the one whose fit is likelier than the best one's; None where
-    there is none. A noise that has grown for want of the cause takes up what tells them apart: each is held against its own."""
-    if found.best is None:
-        return None
-    others = [hypothesis for hypothesis in found.seen.hypotheses
-              if hypothesis.probability >= OPEN_LAW and len(hypothesis.entries) == len(found.best.entries)
-              and hypothesis.key != found.best.key]
-    tried = (attempt(found.fitted.data, found.seen.terms(hypothesis), found.fitted) for hypothesis in others[:MOST_TRIED])
-    values = [(log_evidence(fitted), fitted) for fitted in tried if fitted is not None]
-    value, likeliest = max(values, key=lambda pair: pair[0], default=(-np.inf, found.fitted))
-    return likeliest if value > log_evidence(found.fitted) + LIKELIER else None
 
 
 def inclusion(seen: Survey) -> tuple[Cause, ...]:

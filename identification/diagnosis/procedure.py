@@ -225,6 +225,8 @@ class Procedure:
         if mistakes.possible and not first.enough and mistakes.clearly(physics + BEYOND_SEARCH):
             return replace(judgement, verdict="mistake", mistakes=mistakes.possible)
         found = self.search.likeliest(usual, first)
+        if found.enough and strained(plain):
+            found = self.search.held_against_noise(plain, found)
         seen, best, extended, adequacy, scatter = found.named.seen, found.best, found.fitted, found.adequacy, found.scatter
         # A name that leaves the alarm as it was has explained nothing.
         alarmed = judgement.detection.p_value <= self.alarm

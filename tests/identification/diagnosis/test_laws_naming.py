@@ -16,13 +16,12 @@ from identification.diagnosis.naming import (
     credible,
     inclusion,
     kindred,
-    likelier_fit,
-    likeliest_fit,
     only_local,
     with_open_laws,
     with_plainer_effects,
 )
 from identification.diagnosis.search import Hypothesis
+from tests.identification.diagnosis.sets_of_causes import survey
 
 
 def test_what_a_plainer_effect_explains_better_is_that_one(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,20 +51,6 @@ def test_what_a_plainer_effect_explains_better_is_that_one(monkeypatch: pytest.M
         plain: Any = with_plainer_effects(found)
         assert [term.label for term in plain.fitted.terms] == labels
         assert [(set(each.entries), pytest.approx(each.probability)) for each in plain.seen.hypotheses] == sets
-
-
-def survey(*sets: tuple[tuple[int, ...], float]) -> Any:
-    """Sets of causes with their probabilities. Of the causes 0 and 1 are laws of gear 1, 2 one of gear 2; 3 and 4 others."""
-    def cause(name: str, joint: int | None, family: str) -> Any:
-        label = name if joint is None else f"{name}[{joint}]"
-        return SimpleNamespace(label=label, joint=joint, effect=SimpleNamespace(name=name, law_family=family))
-
-    entries = [cause("play", 1, "gear"), cause("soft", 1, "gear"), cause("play", 2, "gear"), cause("rocking", None, ""),
-               cause("drift", None, "")]
-    hypotheses = [SimpleNamespace(entries=entries_of, key=frozenset(entries_of), probability=probability, signatures=entries_of)
-                  for entries_of, probability in sets]
-    signatures = [SimpleNamespace(local=local) for local in (True, True, False, True, False)]
-    return SimpleNamespace(hypotheses=tuple(hypotheses), dictionary=SimpleNamespace(entries=entries, signatures=signatures))
 
 
 @dataclass(frozen=True)
@@ -113,68 +98,6 @@ def test_an_open_law_is_one_of_the_same_gear_that_is_not_unlikely() -> None:
         found = with_open_laws(seen, (play, rocking))
         assert [cause.open_laws for cause in found] == [laws, {}]
         assert [cause.probability for cause in found] == [0.5 + sum(laws.values()), 0.125]
-
-
-# Fits as numbers: their ln evidence, and the sets they are of.
-def fit_of(evidence: float, *labels: str) -> Any:
-    return SimpleNamespace(evidence=evidence, data=None, terms=[SimpleNamespace(label=label) for label in labels])
-
-
-def fitting(monkeypatch: pytest.MonkeyPatch, fits: dict[tuple[int, ...], Any]) -> list[tuple[int, ...]]:
-    """Sets of causes, fitted so; None does not converge. Returned: those that were tried."""
-    tried: list[tuple[int, ...]] = []
-
-    def attempt(data: Any, terms: tuple[int, ...], near: Any) -> Any:
-        tried.append(terms)
-        return fits.get(terms)
-
-    monkeypatch.setattr(naming, "attempt", attempt)
-    monkeypatch.setattr(naming, "log_evidence", lambda fit: fit.evidence)
-    return tried
-
-
-def seen_of(*sets: tuple[tuple[int, ...], float]) -> Any:
-    seen = survey(*sets)
-    seen.terms = lambda hypothesis: hypothesis.entries
-    return seen
-
-
-def test_the_rival_that_is_likelier_by_itself_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Twenty times (ln 3), of as many causes, no unlikely one, and of the four likeliest that are left."""
-    seen = seen_of(((0,), 0.5), ((1,), 0.2), ((3,), 0.1), ((0, 3), 0.1), ((4,), 0.05), ((2,), 0.009))
-    other = fit_of(3.1)
-    tried = fitting(monkeypatch, {(1,): fit_of(2.9), (4,): other, (0, 3): fit_of(50.0), (2,): fit_of(50.0), (0,): fit_of(50.0)})
-    found: Any = SimpleNamespace(best=seen.hypotheses[0], seen=seen, fitted=fit_of(0.0))
-    assert likelier_fit(found) is other
-    assert tried == [(1,), (3,), (4,)]
-    other.evidence = 2.9
-    assert likelier_fit(found) is None
-    fitting(monkeypatch, {})
-    assert likelier_fit(found) is None, "none of the others converges"
-    found.best = None
-    assert likelier_fit(found) is None
-    tried = fitting(monkeypatch, {})
-    many = seen_of(((0,), 0.3), *(((k,), 0.1) for k in (1, 2, 3, 4, 1)))
-    found = SimpleNamespace(best=many.hypotheses[0], seen=many, fitted=fit_of(0.0))
-    likelier_fit(found)
-    assert len(tried) == 4
-
-
-def test_the_likeliest_of_one_and_two_causes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By its own fit and how often so many act at once; the model itself where none converges."""
-    seen = seen_of(((0,), 0.3), ((0, 3), 0.3), ((1,), 0.2), ((0, 3, 4), 0.1), ((3, 4), 0.1))
-    monkeypatch.setattr(naming, "survey", lambda *_: seen)
-    start: Any = fit_of(0.0)
-    one, two = fit_of(5.0, "a"), fit_of(6.0, "a", "b")
-    tried = fitting(monkeypatch, {(1,): one, (3, 4): two, (0, 3, 4): fit_of(99.0)})
-    # Two of five causes: 0.09 / 10 of all sets, against 0.9 / 5 for one.
-    assert likeliest_fit(start, {}, 2) is one
-    assert sorted(tried) == [(0,), (0, 3), (1,), (3, 4)]
-    two.evidence = 5.0 + float(np.log(0.18 / 0.009)) + 0.01
-    assert likeliest_fit(start, {}, 2) is two
-    assert likeliest_fit(start, {}, 1) is one
-    fitting(monkeypatch, {})
-    assert likeliest_fit(start, {}, 2) is start
 
 
 def test_sets_that_do_not_converge_are_no_candidates_and_eight_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
