@@ -22,6 +22,8 @@ CANDIDATES, TRIAL = 8, 400
 FEWEST_TRIED = 20
 # So near [m] a sample is on the path; after so many misses the path is searched farther ahead, first as far as this [m].
 NEAR, MISSES, AHEAD = 0.1 * OFF_PATH, 5, 4e-3
+# Of a segment's length, by which what lies on it may be beyond its ends.
+SLACK = 1e-9
 
 
 def match_forwards(points: Array, s: Array, samples: Array) -> Array:
@@ -174,14 +176,17 @@ def _project_between(segments: Segments, samples: Array, first: int, keys: Indic
     best = np.sum((samples - starts[middle] - np.clip(share, 0, 1)[:, None] * vectors[middle]) ** 2, axis=1)
     for shift in (0, -1, 1, -2, 2):
         index = np.clip(middle + shift, 0, len(starts) - 1)
-        offset = samples - starts[index]
-        share = np.clip(np.einsum("ij,ij->i", offset, vectors[index]) / squares[index], 0, 1)
-        there = np.clip(s[index] + share * lengths[index], low, high)
+        # A segment that ends before what lies between the key samples, or begins behind it, holds none of it.
+        some = np.flatnonzero((s[index] + (1 + SLACK) * lengths[index] >= low) & (s[index] - SLACK * lengths[index] <= high))
+        index = index[some]
+        vector, offset = vectors[index], samples[some] - starts[index]
+        share = np.clip(np.einsum("ij,ij->i", offset, vector) / squares[index], 0, 1)
+        there = np.clip(s[index] + share * lengths[index], low[some], high[some])
         share = (there - s[index]) / np.maximum(lengths[index], 1e-300)
-        gap = offset - np.clip(share, 0, 1)[:, None] * vectors[index]
+        gap = offset - np.clip(share, 0, 1)[:, None] * vector
         distance = np.einsum("ij,ij->i", gap, gap)
-        closer = (distance < best) & (share > -1e-9) & (share < 1 + 1e-9)
-        best[closer] = distance[closer]
-        projected[closer] = there[closer]
+        closer = (distance < best[some]) & (share > -SLACK) & (share < 1 + SLACK)
+        best[some[closer]] = distance[closer]
+        projected[some[closer]] = there[closer]
     projected[best > OFF_PATH**2] = np.nan
     return projected

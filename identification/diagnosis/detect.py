@@ -118,10 +118,10 @@ def surprise(
 def entry_surprise(base: Base, dictionary: Dictionary, weighted: Array, step: Array, variance: Array) -> Array:
     """-log10 of each entry's own probability (entries, B): chi-squared of its best signature, times how many it has."""
     flat = dictionary.columns.reshape(len(weighted), -1)
-    b = np.moveaxis(dictionary.by_signature((flat.T @ weighted - base.cross(dictionary.columns).T @ step).T), 0, 2)
-    inverse = np.linalg.inv(information_blocks(base, dictionary) + 1e-9 * np.eye(WIDEST))
-    coefficients = inverse @ b
-    ratio = np.sum(b * coefficients, axis=1) / variance
+    b = np.zeros((*dictionary.used.shape, weighted.shape[1]))
+    b[dictionary.used] = flat.T @ weighted - base.cross(dictionary.columns).T @ step
+    coefficients = np.linalg.inv(information_blocks(base, dictionary) + 1e-9 * np.eye(WIDEST)) @ b
+    ratio = np.einsum("sib,sib->sb", b, coefficients) / variance
     positive, log_shares = dictionary.positive, np.log(shares(dictionary))
     ratio[positive] *= coefficients[positive, 0] > 0
     result = np.zeros((len(dictionary.entries), ratio.shape[1]))

@@ -7,6 +7,7 @@ prediction. Without links neither does.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from identification.fit.priors import PriorModel
 from identification.measurements import Measurements
 from identification.model.cell import Cell
-from identification.model.gravity import fall_in_base, sagged_angles
+from identification.model.gravity import fall_in_base, gravity_torque, sagged_angles
 from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
@@ -50,11 +51,20 @@ class LoadTest:
             self.last[:] = [state]
         return state
 
+    @cached_property
+    def _fall(self) -> Array:
+        return fall_in_base(self.cell.world_from_base)
+
+    @cached_property
+    def _weight(self) -> Array:
+        """Gravity torques (n, 6) at the commanded angles, whatever the springs."""
+        return gravity_torque(self.cell.robot, self.rows.theta, self._fall, self.cell.tool_mass, self.cell.tool_centre)
+
     def _state(self, compliance: Array) -> LoadState:
-        cell, rows = self.cell, self.rows
-        fall, mass, centre = fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre
+        cell, rows, fall = self.cell, self.rows, self._fall
+        mass, centre = cell.tool_mass, cell.tool_centre
         return LoadState(
             robot=cell.robot, flange_from_tcp=cell.flange_from_tcp,
-            theta=sagged_angles(cell.robot, rows.theta, compliance, fall, mass, centre), wrench=rows.wrench,
+            theta=sagged_angles(cell.robot, rows.theta, compliance, fall, mass, centre, self._weight), wrench=rows.wrench,
             compliance=compliance, visit=rows.visit, reference=rows.reference, time=rows.time - rows.began, dwell=rows.dwell,
             row=rows.row, labels=rows.pose, fall=fall, tool_mass=mass, tool_centre=centre)

@@ -29,6 +29,8 @@ MAX_ROUNDS = 60
 TOLERANCE_RAD = 1e-12
 # Poses a step of the torque recursion: many enough that NumPy's call overhead does not show, few enough for the cache.
 CHUNK = 8192
+# Of matrices of two axes: the first after the second, and not before it.
+LOWER, NOT_ABOVE = np.tril_indices(6, -1), np.tril_indices(6)
 
 
 class _Arm:
@@ -253,6 +255,14 @@ def cross(a: Array, b: Array) -> Array:
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-2)
 
 
+def _products(a: Array, b: Array) -> Array:
+    """a_i . b_j (6, 6, n) of vectors (6, 3, n), components first."""
+    result = a[:, None, 0] * b[:, 0]
+    for component in (1, 2):
+        result += a[:, None, component] * b[:, component]
+    return np.asarray(result)
+
+
 def sensitivity(
     robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array, compliance: Array, state: Equilibrium | None = None
 ) -> tuple[Array, Array]:
@@ -274,13 +284,14 @@ def sensitivity(
         torque = np.einsum("icn,cn->in", columns, force) + np.einsum("icn,cn->in", frames.axes, moment)
         # d tau_j / d theta_i = F . (z_i x (z_j x r_j)) for i <= j, with i and j exchanged for i > j, plus M . (z_i x z_j)
         # for i < j: only the joints before j turn its axis. A triple product takes any two of its factors as the pair.
-        geometric = np.einsum("icn,jcn->ijn", cross(force, frames.axes), columns)
-        lower = np.tril_indices(6, -1)
-        geometric[lower] = geometric.transpose(1, 0, 2)[lower]
-        turned = np.einsum("icn,jcn->ijn", cross(moment, frames.axes), frames.axes)
-        turned[np.tril_indices(6)] = 0.0
-        stiffening = np.einsum("jim,jkn,kl->nil", load[:, :, None], (geometric + turned).transpose(1, 0, 2), load)
+        geometric = _products(cross(force, frames.axes), columns)
+        geometric[LOWER] = geometric.transpose(1, 0, 2)[LOWER]
+        if moment.any():
+            turned = _products(cross(moment, frames.axes), frames.axes)
+            turned[NOT_ABOVE] = 0.0
+            geometric += turned
+        stiffening = (load.T @ geometric.transpose(2, 1, 0)) @ load                # [pose, spring, spring]
         system = np.eye(6) - compliance[:, None] * stiffening
         moved = np.linalg.solve(system, np.eye(6) * (torque.T @ load)[:, None, :])
-        slope[part] = np.einsum("icn,ij,njk->nck", columns, load, moved)
+        slope[part] = columns.transpose(2, 1, 0) @ load @ moved
     return state.position, slope

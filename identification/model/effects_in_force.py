@@ -70,9 +70,14 @@ def added(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> A
 def _added(rows: LoadState, felt: LoadState, effects: Sequence[EffectInForce], values: Array) -> Array:
     """The same, the force that really acted known. felt: the rows under it."""
     total = np.zeros((len(rows), 6))
-    for term, parameters in zip(effects, split(values, effects), strict=True):
-        total += term.contribution(felt if term.effect.of_robot else rows, parameters)
+    for term, own in zip(effects, split(values, effects), strict=True):
+        total += _one(rows, felt, term, own)
     return total
+
+
+def _one(rows: LoadState, felt: LoadState, term: EffectInForce, own: Array) -> Array:
+    """What one effect adds (n, 6), with values (P,) of its parameters; felt: the rows under the force that really acted."""
+    return term.contribution(felt if term.effect.of_robot else rows, own)
 
 
 def as_felt(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> LoadState:
@@ -93,14 +98,26 @@ def displaced(pose: Frame, moved: Array) -> Frame:
 def slopes_by_springs(rows: LoadState, effects: Sequence[EffectInForce], values: Array, base: Array) -> Array:
     """Derivative (n, 6, 6) of what the effects add, which is `base` (n, 6), by ln c, by differences at the loaded pose: where
     that goes with softer springs changes what is small beside the deviation by as little again."""
-    result, felt = np.empty((len(rows), 6, 6)), as_felt(rows, effects, values)
+    result, felt = np.zeros((len(rows), 6, 6)), as_felt(rows, effects, values)
+    softer = _softer(rows, felt, range(6))
+    # What stays as it is where all springs are softer does not ask how soft they are: a wrench, an angle, a gear's own play.
+    moved = [(term, own) for term, own in zip(effects, split(values, effects), strict=True)
+             if not np.array_equal(_one(*softer, term, own), _one(rows, felt, term, own))]
+    if not moved:
+        return result
+    rest = base if len(moved) == len(effects) else np.asarray(sum(_one(rows, felt, term, own) for term, own in moved))
     for joint in range(6):
-        compliance = rows.compliance.copy()
-        compliance[joint] *= np.exp(STEP)
-        softer = rows.with_compliance(compliance)
-        moved = _added(softer, softer if felt is rows else felt.with_compliance(compliance), effects, values)
-        result[:, :, joint] = (moved - base) / STEP
+        softer = _softer(rows, felt, [joint])
+        result[:, :, joint] = (np.asarray(sum(_one(*softer, term, own) for term, own in moved)) - rest) / STEP
     return result
+
+
+def _softer(rows: LoadState, felt: LoadState, joints: Sequence[int]) -> tuple[LoadState, LoadState]:
+    """The rows and those under the force that really acted where the springs of these joints are softer by a step."""
+    compliance = rows.compliance.copy()
+    compliance[joints] *= np.exp(STEP)
+    softer = rows.with_compliance(compliance)
+    return softer, softer if felt is rows else felt.with_compliance(compliance)
 
 
 def slopes(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> Array:

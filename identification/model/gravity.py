@@ -51,13 +51,16 @@ def gravity_torque(
 
 def sagged_angles(
     robot: RobotModel, theta: Array, compliance: Array, fall: Array = DOWN, tool_mass: float | None = None,
-    tool_centre: Array | None = None,
+    tool_centre: Array | None = None, torque: Array | None = None,
 ) -> Array:
     """Controller angles (N, 6) [rad] at which a rigid robot stands where one with springs of compliance (6,) [rad/(N m)] does
     under its own weight: the unloaded pose of a robot that is commanded to theta (N, 6). theta for a robot file without
-    `links`; other arguments as `gravity_torque`."""
-    sagged = theta
-    for _ in range(SAG_ROUNDS if robot.link_mass is not None else 0):
+    `links`; torque: `gravity_torque` at theta, where it is at hand; other arguments as there."""
+    if robot.link_mass is None:
+        return theta
+    torque = gravity_torque(robot, theta, fall, tool_mass, tool_centre) if torque is None else torque
+    sagged = loaded_angles(robot, theta, compliance * torque)
+    for _ in range(1, SAG_ROUNDS):
         torque = gravity_torque(robot, sagged, fall, tool_mass, tool_centre)
         sagged = loaded_angles(robot, theta, compliance * torque)
     return sagged

@@ -196,8 +196,11 @@ class LoadState:
         tool otherwise. With `of_sag` 0.1 to 0.4 % of the deflection on the IRB 6660, zero without `links`."""
         if self.robot.link_mass is None:
             return np.zeros((len(self), 6))
-        unloaded = loaded_angles(self.robot, self.theta, -self.compliance * self.torque) if self.at_load else self.theta
-        change = self._gravity_at(self.loaded) - self._gravity_at(unloaded)
+        if self.at_load:
+            unloaded = loaded_angles(self.robot, self.theta, -self.compliance * self.torque)
+            change = self.gravity - self._gravity_at(unloaded)
+        else:
+            change = self._gravity_at(self.loaded) - self.gravity
         turned = np.asarray(np.einsum("nri,ni->nr", self.jacobian, self.compliance * change))
         return turned if self._sagged is None else turned + self._sagged.elastic - self.elastic - self.of_sag
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +41,18 @@ def _slips_at(torque: float, grid: tuple[float, ...], source: str) -> Parameter:
                                    "reaches")
 
 
+# Of rows that live the state that was asked for last, with what was asked: amplitudes of one law have the same.
+_LAST: WeakKeyDictionary[LoadState, tuple[tuple[float, ...], Array]] = WeakKeyDictionary()
+
+
+def last_state(rows: LoadState, asked: tuple[float, ...], worked_out: Callable[[], Array]) -> Array:
+    """The state of these rows that is `asked` for, by numbers that tell it from others; worked out where it is not the last."""
+    kept = _LAST.get(rows)
+    if kept is None or kept[0] != asked:
+        kept = _LAST[rows] = asked, worked_out()
+    return kept[1]
+
+
 class _Hysteresis(GearTwist):
     """What the laws have in common: `J_i h q`, q a state of the load path within -1 and 1, from zero at the start of each pose.
     With a negative amplitude the twist lags behind the torque, as friction makes it; a positive one runs ahead. elements: how
@@ -52,7 +66,9 @@ class _Hysteresis(GearTwist):
     elements = 1
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
-        return np.asarray(values[0] * self.state(rows.torque[:, i], rows.starts, values[1]))
+        slip = float(values[1])
+        return np.asarray(values[0] * last_state(
+            rows, (self.elements, i, slip), lambda: self.state(rows.torque[:, i], rows.starts, slip)))
 
     def state(self, torque: Array, starts: NDArray[np.bool_], slip: Array | float, begin: float = 0.0) -> Array:
         """State (n, ...) of torque paths (n, ...) [N m] of gears that slip at these torques, as `slip_state`."""
@@ -200,8 +216,16 @@ def _all_visits_at_once(change: Array, place: NDArray[np.intp], begin: float) ->
 
 
 def _one_path(change: Array, starts: NDArray[np.bool_], begin: float) -> Array:
+    # Compared, not by min and max: of a long path their calls are most of the time.
     state, q = [], 0.0
     for new, step in zip(starts.tolist(), change.tolist(), strict=True):
-        q = min(1.0, max(-1.0, (begin if new else q) + step))
+        if new:
+            q = begin
+        q += step
+        if q > -1.0:
+            if q > 1.0:
+                q = 1.0
+        else:
+            q = -1.0
         state.append(q)
     return np.array(state)

@@ -9,7 +9,7 @@ import numpy as np
 from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter
 from identification.model.effects.documents import NABTESCO
-from identification.model.effects.hysteresis import AMPLITUDE, Smooth
+from identification.model.effects.hysteresis import AMPLITUDE, Smooth, last_state
 from identification.model.effects.kinds import NO_LOAD_OFF
 from identification.model.load_state import LoadState
 
@@ -37,7 +37,8 @@ class LostMotion(Effect):
     settles = "load up, down and up again without leaving the pose, joint after joint, and read at zero load each time"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        state = ONE_GEAR.state(rows.torque, rows.starts, values[-1] / rows.compliance)
+        wind_up = float(values[-1])
+        state = last_state(rows, (wind_up,), lambda: ONE_GEAR.state(rows.torque, rows.starts, wind_up / rows.compliance))
         return np.asarray(np.einsum("nri,i,ni->nr", rows.jacobian, values[:-1], state))
 
     def of_each_visit(self, rows: LoadState, joint: int | None, values: Array) -> Array:

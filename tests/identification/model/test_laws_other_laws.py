@@ -3,6 +3,7 @@ holds by a walk through the loads."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -286,3 +287,29 @@ def test_a_smaller_gear_is_softer_up_to_less_torque() -> None:
             assert_allclose(soft[0], large[0], rtol=1e-12)
         grids = [law.grid(replace(rows, compliance=np.full(6, value)), 5, law.parameters[at]) for value in (4e-6, 4e-5, 4e-7)]
         assert_allclose(grids, np.outer([1.0, 0.1, 1.0], law.parameters[at].grid), rtol=1e-12)
+
+
+# Of two slopes the corner is seen, so that their weights are tried more closely than those of the smooth law.
+@pytest.mark.parametrize(("law", "most"), [("cubic_wrist", 0.13), ("cubic_arm", 0.13), ("wrist", 0.16), ("arm", 0.2)])
+def test_a_weight_between_those_that_are_tried_is_nearly_one_of_them(law: str, most: float) -> None:
+    """Of the squares that a free spring leaves of the twist under such a weight, which turns the axis otherwise at each pose,
+    most are taken by the same law under one of its neighbours, whatever its own knee."""
+    (one,) = (other for other in effects()["soft_zone"].other_laws if other.law == law)
+    knees, weights = (parameter.grid for parameter in one.parameters[1:])
+    load, lever = np.tile(np.linspace(-1.5, 1.5, 81) * weights[-1] / 8, 9), np.repeat(np.linspace(-1, 1, 9), 81)
+
+    def twist(weight: float, knee: float) -> np.ndarray:
+        held, both = weight * lever / knee, (weight * lever + load) / knee
+        if law in ("wrist", "arm"):
+            moved = np.clip(both, -1, 1) - np.clip(held, -1, 1)
+        else:
+            x = np.linspace(-30.0, 30.0, 60_001)
+            moved = np.interp(both, x + x**3, x) - np.interp(held, x + x**3, x)
+        return np.asarray(moved - load * (load @ moved) / (load @ load))
+
+    for knee in knees:
+        for near in itertools.pairwise(weights):
+            between = twist(np.sqrt(near[0] * near[1]), knee)
+            tried = [twist(weight, other) for weight in near for other in knees]
+            alike = max((between @ each) ** 2 / (each @ each) for each in tried)
+            assert alike > (1 - most) * (between @ between), (knee, near)

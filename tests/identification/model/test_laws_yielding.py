@@ -327,6 +327,20 @@ def test_friction_in_a_gear_is_what_lags_behind(law: str, elements: int) -> None
     assert_allclose(otherwise[[0, 12]], 0.0, atol=1e-15)
 
 
+def test_a_state_is_kept_for_what_was_asked_alone() -> None:
+    """In any order, on the same rows, as on rows that nothing was asked of before."""
+    rows, none = loaded_and_unloaded(), ("lost_motion", None)
+    asked = [(law, joint, np.append(np.full(1 if joint else 6, 1e-4), 60.0 * size if joint else 1e-4 * size))
+             for size in (1, 2) for law, joint in (("hysteresis", 1), ("hysteresis", 2), ("hysteresis.smooth", 2), none)]
+    shown = []
+    for law, joint, values in [*asked, *asked[::4], *asked[1::4], *asked[2::4], *asked[3::4]]:
+        one = known(law)
+        assert one is not None
+        shown.append(one.contribution(rows, joint, values))
+        np.testing.assert_array_equal(shown[-1], one.contribution(replace(rows), joint, values))
+    assert len({each.tobytes() for each in shown}) == len(asked)
+
+
 def test_lost_motion_is_the_friction_of_every_gear() -> None:
     """Each lags behind by its own amplitude, and slips under the torque that winds it up as far as the others."""
     rows, law = loaded_and_unloaded(), known("lost_motion")

@@ -27,7 +27,7 @@ GEARS = (
     place("soft_zone", 4, 0, "backlash", 4, long=True),
     place("hysteresis", 4, 2, "soft_zone", 4),
     place("gear_friction", 5, 3, "backlash", 5),
-    place("lost_motion", None, 9101, "hysteresis", 4),
+    place("lost_motion", None, 5, "hysteresis", 4),
     place("parallelogram", None, 0, "force_misalignment"),
     place("gravity_compensator", 2, 2, "parallelogram"),
     place("wrist_coupling", None, 1, "soft_zone", 5, long=True),

@@ -17,7 +17,7 @@ from identification.common.shipped import shipped
 from identification.diagnosis.diagnose import Diagnosis
 from identification.model.cell import Cell
 from tests.identification.motion import simulated_joint
-from tests.runs.mistakes.planted import MISTAKES, right
+from tests.runs.mistakes.planted import MISTAKES, SHOP, right
 from tests.virtual_cell.cell import Hidden, simulate
 
 
@@ -58,7 +58,7 @@ BENCH = "name: bench\nprior: {stiffness_nm_per_rad: [4e6, 4e6, 4e6, 0.5e6, 0.5e6
 def diagnoses(folder: Path) -> dict[str, Diagnosis]:
     """One with each verdict, by its name."""
     files = {name: simulate(seed, "poses20", hidden, validation=6) for name, (seed, hidden) in VERDICTS.items()}
-    files["mistake"] = MISTAKES["force sign"](right(3), np.random.default_rng(3))[0]
+    files["mistake"] = MISTAKES["deflections cyclic"](right(430004, SHOP), np.random.default_rng([430004, 3]))[0]
     found = {}
     for name, case in files.items():
         (folder / name).mkdir()
@@ -80,11 +80,11 @@ def joint_logs(folder: Path) -> dict[str, object]:
 
 
 def learning(folder: Path, predicted: Predicted) -> Learning:
-    """From the sample part, measured on every tenth target with force: 1.2 times the deviation that was predicted there, and
+    """From the sample part, measured on every fortieth target with force: 1.2 times the deviation that was predicted there, and
     noise. Simulated; what is learned is judged elsewhere."""
-    points, rows, forces = folder / "points.csv", predicted.targets[::10], shipped("samples") / "insert.forces.parquet"
+    points, rows, forces = folder / "points.csv", predicted.targets[::40], shipped("samples") / "insert.forces.parquet"
     place = 1e3 * predicted.path.toolpath.position[rows]
-    moved = 1.2e6 * predicted.prediction.position[::10] + np.random.default_rng(5).normal(0, 3, (len(rows), 3))
+    moved = 1.2e6 * predicted.prediction.position[::40] + np.random.default_rng(5).normal(0, 3, (len(rows), 3))
     text = "\n".join(",".join(f"{value:.4f}" for value in [*at, *off, 3.0]) for at, off in zip(place, moved, strict=True))
     points.write_text(f"x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,std_um\n{text}\n")
     return compstiff.learn(predicted.cell, predicted.program, predicted.model, forces, points, predicted.settings)
