@@ -30,3 +30,9 @@ def test_a_run_says_what_it_found() -> None:
     found = run(where.seed, where.hidden)
     assert found.outcome == "right"
     assert found.oracle is not None
+
+
+@pytest.mark.long
+def test_lost_motion_is_named_where_it_is_found_late() -> None:
+    """Of six seeds the one whose search takes longest."""
+    assert run(9101, Hidden("lost_motion")).outcome == "right"
