@@ -2,9 +2,10 @@
 
 A target in the air is not moved, and mostly one is added where the tool touches (needed_targets.py). Where the program has one
 of its own that stands nearer to that place than two targets may, none can be, and the line to the first corrected target begins
-in the air: there the tool is off the plan by its correction, into the stock, where it had stood on the plan without. So the
-first corrected target, and the last, goes so far at most that, where the log last shows air, the tool is off by one sigma of
-the target's own deviation; what the target does not get is left as stock until the next one.
+in the air: there the tool is off the plan by its correction, into the stock, where it had stood on the plan without. Where that
+is by more than the tolerance, where the log last shows air, the first corrected target, or the last, goes so far only that it
+is by one sigma of the target's own deviation; what the target does not get is left as stock until the next one. With a part
+learned the tool stood off the plan in the air too, and the line takes it nearer: nothing is held then.
 """
 
 from __future__ import annotations
@@ -44,8 +45,9 @@ def air_beside(looked_at: LookedAt | None, targets: Indices) -> Array:
     return share
 
 
-def held_beside_air(offset: Array, share: Array, sigma: Array) -> Array:
-    """The offsets (M, 3) [m], made shorter where a `share` (M,) of the line to the target is air, so that the tool is off by
-    `sigma` (M,) [m] at most there."""
+def held_beside_air(offset: Array, share: Array, sigma: Array, tolerance: float) -> Array:
+    """The offsets (M, 3) [m], made shorter where a `share` (M,) of the line to the target is air and the tool would be off by
+    more than the tolerance [m] there: so that it is by `sigma` (M,) [m] at most."""
     size = share * np.linalg.norm(offset, axis=1)
-    return np.asarray(offset * np.minimum(1.0, sigma / np.maximum(size, TINY))[:, None])
+    held = np.where(size > tolerance, np.minimum(1.0, sigma / np.maximum(size, TINY)), 1.0)
+    return np.asarray(offset * held[:, None])

@@ -160,7 +160,7 @@ def correct(planned: Predicted) -> Corrected:
     predicted, kept, looked_at = with_intermediate_targets(cornered)
     del cornered
     cut, prediction = following_the_cut(predicted, kept, logged)
-    air = air_beside(looked_at, predicted.targets)
+    air = air_beside(looked_at if predicted.loaded.learned is None else None, predicted.targets)
     correction = restrained(predicted, logged, cut, prediction, air)
     known = foreseen(predicted, cut, prediction)
     del prediction

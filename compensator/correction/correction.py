@@ -269,7 +269,7 @@ def _before_walls(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tu
 def _beside_air(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tuple[Array, list[Finding]]:
     """The offsets (M, 3) [m], base frame, held where the line to them begins or ends in the air, and what stays (CS4119)."""
     known = np.sqrt(np.maximum(np.trace(restraint.prediction.known, axis1=1, axis2=2), 0.0))
-    result = held_beside_air(offset, restraint.air, known)
+    result = held_beside_air(offset, restraint.air, known, restraint.tolerance)
     held = np.linalg.norm(result - offset, axis=1)
     told = int((held > restraint.tolerance).sum())
     if not told:
