@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.before_touch import air_beside
 from compensator.correction.between_targets import BetweenTargets, left_between
 from compensator.correction.corners import with_zones
 from compensator.correction.correction import Correction, Restraint, correct_path
@@ -40,7 +41,7 @@ class Corrected:
     the tolerance; left: 1 sigma of what is expected on the part, by cause. left_as_logged (M,) [m]: how far off a cutting
     stiffness of 10 N/mm leaves the tool, None where the force was made to follow the cut. logged: what is known of the logged
     pass; gain: of the cut against the arm. feed: the feed check, and advice: on the posture, where they were asked for.
-    waiting: where the next log tells more.
+    waiting: where the next log tells more. air (M,): the share that is air of the line to a target from one in the air.
     """
 
     planned: Predicted
@@ -57,6 +58,7 @@ class Corrected:
     feed: FeedCheck | None
     advice: Advice | None
     waiting: Waiting
+    air: Array
     findings: tuple[Finding, ...]
 
     @property
@@ -158,7 +160,8 @@ def correct(planned: Predicted) -> Corrected:
     predicted, kept, looked_at = with_intermediate_targets(cornered)
     del cornered
     cut, prediction = following_the_cut(predicted, kept, logged)
-    correction = restrained(predicted, logged, cut, prediction)
+    air = air_beside(looked_at if predicted.loaded.learned is None else None, predicted.targets)
+    correction = restrained(predicted, logged, cut, prediction, air)
     known = foreseen(predicted, cut, prediction)
     del prediction
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,
@@ -184,11 +187,14 @@ def correct(planned: Predicted) -> Corrected:
     left = expected_left(predicted, kept, known, residual, between)
     waits = waiting(predicted, left)
     return Corrected(planned, predicted, kept, correction, content, residual, between, left, cut.left_as_logged,
-                     logged, cut.gain, feed, advice, waits, (*findings, *told(waits, predicted)))
+                     logged, cut.gain, feed, advice, waits, air,
+                     (*findings, *told(waits, predicted)))
 
 
-def restrained(predicted: Predicted, logged: LoggedPass, cut: CorrectedPass, prediction: Prediction) -> Correction:
+def restrained(
+    predicted: Predicted, logged: LoggedPass, cut: CorrectedPass, prediction: Prediction, air: Array
+) -> Correction:
     """The correction of the pass that is corrected, held back where that is safer. Raises what `correct_path` raises."""
     settings = predicted.settings.correction
     return correct_path(cut.loaded, Restraint(prediction, cut.stood, settings.confidence, predicted.slope, settings.tolerance,
-                                              least_depth(predicted, logged, cut.stood)))
+                                              least_depth(predicted, logged, cut.stood), air))

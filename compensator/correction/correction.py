@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.before_touch import held_beside_air
 from compensator.correction.corners import sharp_corners
 from compensator.correction.correctable import refuse_outside
 from compensator.correction.forward import loaded_blocks, off_goal, resting_angles
@@ -71,7 +72,8 @@ class Restraint:
     """What a correction must satisfy beyond landing on the plan (restraint.py): the prediction it rests on, where the tool
     stood off the plan (M, 3) [m], base frame, while the log was taken, the probability with which it must make a point better,
     and the steepest change of the offset along the path [m/m]. tolerance [m]: what is left at a corner is told from there on.
-    depth (M,) [m]: how deep across the feed the cut is at least, NaN where nothing tells."""
+    depth (M,) [m]: how deep across the feed the cut is at least, NaN where nothing tells. air (M,): which share of the
+    line from a target in the air is air (before_touch.py)."""
 
     prediction: Prediction
     stood: Array
@@ -79,6 +81,7 @@ class Restraint:
     slope: float
     tolerance: float
     depth: Array
+    air: Array
 
 
 def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Correction:
@@ -197,7 +200,8 @@ def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[
                            "(--confidence)"))
     sure, at_corners = _at_corners(loaded, sure, restraint)
     sure, at_walls = _before_walls(loaded, sure, restraint)
-    findings += [*at_corners, *at_walls]
+    sure, at_touches = _beside_air(loaded, sure, restraint)
+    findings += [*at_corners, *at_walls, *at_touches]
     if not np.isfinite(restraint.slope):
         return sure, findings
     axes = path.axes
@@ -260,6 +264,22 @@ def _before_walls(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tu
         "correct again by the log of the corrected pass (--logged-with), or round the corner in the toolpath; where the cut is "
         "deeper than the tool stood aside it was in that stock: state --depth-of-cut, or what tells it (cutting in cell.yaml, "
         "--first-forces)")]
+
+
+def _beside_air(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tuple[Array, list[Finding]]:
+    """The offsets (M, 3) [m], base frame, held where the line to them begins or ends in the air, and what stays (CS4119)."""
+    known = np.sqrt(np.maximum(np.trace(restraint.prediction.known, axis1=1, axis2=2), 0.0))
+    result = held_beside_air(offset, restraint.air, known, restraint.tolerance)
+    held = np.linalg.norm(result - offset, axis=1)
+    told = int((held > restraint.tolerance).sum())
+    if not told:
+        return result, []
+    worst = int(np.argmax(held))
+    return result, [loaded.path.finding(
+        int(loaded.targets[worst]), "CS4119", "note",
+        f"the tool touches or leaves the stock nearer to a target in the air than targets may stand: beside "
+        f"it {counted(told, 'correction', 'are')} held back, by up to {1e6 * held[worst]:.0f} um, not to cut before the touch",
+        "a target of the program's own where the tool touches, or --min-spacing if the controller takes less")]
 
 
 def _limited(loaded: LoadedPath, offset: Array, slope: float) -> Array:

@@ -45,8 +45,9 @@ Told = tuple[tuple[float, float], ...]
 SHALLOWEST = 0.25
 # Where less than this share of the force stands across the feed it says nothing of a depth.
 LEAST_ACROSS = 0.05
-# With a learned displacement, and in a slot, the force is followed as far as this share of itself.
-MOST_GROWTH = 0.95
+# No force is followed farther than this share of itself; where places that carry more than FITS of the push across would
+# change by more than all of theirs the stiffness does not fit the log.
+MOST_GROWTH, FITS = 0.95, 0.05
 # What is left for this cutting stiffness [N/m] is told where none is known, and for these depths [m], across the feed and of a
 # slot, where none is stated.
 ASSUMED, DEPTHS_TOLD, SLOTS_TOLD = 1e4, (0.3e-3, 1e-3, 3e-3), (1e-3, 2e-3, 5e-3)
@@ -125,7 +126,12 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
             as_logged = _left(predicted, np.abs(ASSUMED * per_newton))
             return CorrectedPass(predicted.loaded, stood, left, np.zeros(len(left)), as_logged, 0.0,
                                  at_depths=wall.at_depths, at_slot_depths=in_slots.at_depths), predicted.prediction
-    forces, findings = _engaged(predicted, followed, wall.stiffness, chosen)
+    if predicted.loaded.learned is None:
+        _refuse_what_does_not_fit(predicted, followed, wall.stiffness, across)
+    asked, followed = followed, np.clip(followed, -MOST_GROWTH, MOST_GROWTH)
+    if (asked != followed).any():
+        left = np.hypot(left, _left(predicted, np.abs(asked - followed), followed))
+    forces, findings = _engaged(predicted, followed, asked, wall.stiffness, chosen)
     gain = _check_gain(predicted, wall.stiffness, direction)
     loaded = replace(predicted.loaded, forces=forces)
     prediction = predict_path(loaded)
@@ -265,25 +271,28 @@ def standing(predicted: Predicted, offsets: Array | None) -> Array:
     return stood
 
 
-def _engaged(
-    predicted: Predicted, growth: Array, stiffness: Array, chosen: NDArray[np.bool_]
-) -> tuple[TargetForces, tuple[Finding, ...]]:
-    """The forces of the corrected pass, out of those of the logged pass, which grow by a share of themselves (N,); stiffness
-    (N,) [N/m] of the wall that is in it, and chosen (N,) from `_deeper`.
+def _refuse_what_does_not_fit(predicted: Predicted, growth: Array, stiffness: Array, across: Array) -> None:
+    """Raises CompstiffError (CS4123) where the force would vanish or more than double, by growth (N,) with stiffness (N,)
+    [N/m], at places that carry more than FITS of the push across (N,) [N]. Where next to nothing was logged, as at a touch or
+    where the push turns round, any step is more than all of it."""
+    toolpath, over = predicted.path.toolpath, np.abs(growth) >= 1
+    if not across[over].sum() > FITS * across[predicted.targets].sum():
+        return
+    worst = int(np.argmax(np.where(over, across, 0.0)))
+    raise CompstiffError(Finding(
+        "CS4123", "error", f"with a cutting stiffness of {1e-3 * stiffness[worst]:g} N/mm the force here would change by "
+        f"{100 * growth[worst]:.0f} %, expected less than 100 %", file=toolpath.source, line=int(toolpath.line[worst]),
+        target=int(toolpath.number[worst]),
+        hint="the unit is newton per millimetre of depth; about force divided by depth of cut"))
 
-    Raises CompstiffError (CS4123) where the force would vanish or more than double: then the stiffness does not fit the log.
-    """
-    forces, toolpath = predicted.forces, predicted.path.toolpath
-    limited: tuple[Finding, ...] = ()
-    if predicted.loaded.learned is not None:
-        growth, limited = _limited(predicted, growth)
-    worst = int(np.argmax(np.abs(growth))) if len(growth) else 0
-    if len(growth) and abs(growth[worst]) >= 1:
-        raise CompstiffError(Finding(
-            "CS4123", "error", f"with a cutting stiffness of {1e-3 * stiffness[worst]:g} N/mm the force here would change by "
-            f"{100 * growth[worst]:.0f} %, expected less than 100 %", file=toolpath.source, line=int(toolpath.line[worst]),
-            target=int(toolpath.number[worst]),
-            hint="the unit is newton per millimetre of depth; about force divided by depth of cut"))
+
+def _engaged(
+    predicted: Predicted, growth: Array, asked: Array, stiffness: Array, chosen: NDArray[np.bool_]
+) -> tuple[TargetForces, tuple[Finding, ...]]:
+    """The forces of the corrected pass, out of those of the logged pass, which grow by a share of themselves (N,); asked (N,):
+    by what the stiffness (N,) [N/m] of the wall, which is in it, asks for; chosen (N,) from `_deeper`."""
+    forces, source = predicted.forces, predicted.path.toolpath.source
+    limited = _limited(predicted, np.flatnonzero(asked != growth))
     cut = replace(forces, wrench=forces.wrench * (1 + growth)[:, None])
     size = growth[chosen & (growth != 0)]
     left = len(predicted.targets) - len(size)
@@ -292,18 +301,20 @@ def _engaged(
     return cut, (*limited, Finding(
         "CS4120", "note", f"force follows the cut: {known} the corrected "
         f"pass meets forces that are {100 * np.median(size) if len(size) else 0:+.1f} % (median), "
-        f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=toolpath.source),)
+        f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=source),)
 
 
-def _limited(predicted: Predicted, growth: Array) -> tuple[Array, tuple[Finding, ...]]:
-    """Growth (N,) within a force that vanishes and one that doubles, and what is said of it (CS5325): what is learned of set-up
-    and calibration may be more than the depth of a light cut, at an entry."""
-    beyond = np.flatnonzero(np.abs(growth) > MOST_GROWTH)
+def _limited(predicted: Predicted, beyond: Indices) -> tuple[Finding, ...]:
+    """What is said of the places (n,) whose force is followed as far as MOST_GROWTH and no farther: what is learned of set-up
+    and calibration may be more than the depth of a light cut, at an entry (CS5325)."""
     if not len(beyond):
-        return growth, ()
-    return np.clip(growth, -MOST_GROWTH, MOST_GROWTH), (predicted.path.finding(
-        int(beyond[0]), "CS5325", "note", f"at {counted(len(beyond), 'target')} the learned displacement is deeper than the "
-        f"cut: the force is taken to change by {100 * MOST_GROWTH:.0f} % there, no more"),)
+        return ()
+    more, share = f"at {counted(len(beyond), 'target')}", f"the force is taken to change by {100 * MOST_GROWTH:.0f} % there"
+    if predicted.loaded.learned is None:
+        return (predicted.path.finding(int(beyond[0]), "CS4120", "note", f"{more} next to no force was logged for the step "
+                                       f"that the corrected tool makes across: {share}, no more"),)
+    return (predicted.path.finding(int(beyond[0]), "CS5325", "note", f"{more} the learned displacement is deeper than the "
+                                   f"cut: {share}, no more"),)
 
 
 def _left(predicted: Predicted, growth: Array, followed: Array | float = 0.0) -> Array:

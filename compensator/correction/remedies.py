@@ -189,5 +189,5 @@ def _elsewhere(corrected: Corrected, other: LoadedPath | None) -> Array | None:
     if between is not None:
         between = replace(between, square=between.square * grown[between.piece] ** 2)
     cut, prediction = following_the_cut(predicted, corrected.kept, corrected.logged)
-    residual = restrained(predicted, corrected.logged, cut, prediction).residual
+    residual = restrained(predicted, corrected.logged, cut, prediction, corrected.air).residual
     return _again(replace(corrected, between=between, residual=residual), predicted)

@@ -73,7 +73,8 @@ class Rest:
 @dataclass(frozen=True, eq=False)
 class Learned:
     """prior: the mean of the stiffness file that it was learned with. mean (Z,), covariance (Z, Z) of z; x_eff has the file's
-    parameters, then those of `effects`, which the part showed beyond them. told: figures of the learning, as learned.json
+    parameters, then those of `effects`, which the part showed beyond them. unshown (9, 9) [m^2]: covariance of the set-up and
+    drift that no point showed, of which the mean is nothing. told: figures of the learning, as learned.json
     carries them."""
 
     prior: Array
@@ -84,6 +85,7 @@ class Learned:
     effects: tuple[EffectInForce, ...] = ()
     told: dict[str, Any] = field(default_factory=dict)
     source: Path | None = None
+    unshown: Array = field(default_factory=lambda: np.zeros((SETUP + DRIFT, SETUP + DRIFT)))
 
     @property
     def springs(self) -> int:
@@ -109,11 +111,14 @@ class Learned:
         mean, covariance = self.mean.copy(), self.covariance.copy()
         left_out = self.springs + np.arange(SETUP + DRIFT)[off]
         mean[left_out] = covariance[left_out] = covariance[:, left_out] = 0.0
-        return replace(self, mean=mean, covariance=covariance)
+        unshown = self.unshown.copy()
+        unshown[off] = unshown[:, off] = 0.0
+        return replace(self, mean=mean, covariance=covariance, unshown=unshown)
 
     def exactly(self) -> Learned:
         """The same, taken for exact: no covariance, nothing unseen."""
-        return replace(self, covariance=np.zeros_like(self.covariance), remainder=replace(self.remainder, amplitude=0.0))
+        return replace(self, covariance=np.zeros_like(self.covariance), unshown=np.zeros_like(self.unshown),
+                       remainder=replace(self.remainder, amplitude=0.0))
 
     def rest(self, path: RobotPath, targets: Indices) -> Rest:
         """At the targets (n,) of a path."""
@@ -144,6 +149,9 @@ class Learned:
             added[part] += slopes @ own @ np.swapaxes(slopes, 1, 2) + across + np.swapaxes(across, 1, 2)
             of_untold = by_x[part] @ carried[:size] + slopes @ carried[size:]
             unseen[part] += of_untold @ np.swapaxes(of_untold, 1, 2)
+            of_job = rest.columns[part] @ self.unshown @ np.swapaxes(rest.columns[part], 1, 2)
+            added[part] += of_job
+            unseen[part] += of_job
         return added, unseen
 
     def check_set_up(self, path: RobotPath, targets: Indices, repeats: Repeats) -> None:

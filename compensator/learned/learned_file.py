@@ -55,6 +55,7 @@ class _File(_Part):
     prior: list[FiniteFloat]
     mean: list[FiniteFloat]
     covariance: list[list[FiniteFloat]]
+    unshown: list[list[FiniteFloat]] | None = None
     job: _Frame
     remainder: _Remainder
     effects: list[NamedEffect] = Field(default=[], max_length=MOST_EFFECTS)
@@ -76,7 +77,7 @@ def learned_json(learned: Learned, cell: Cell) -> dict[str, Any]:
                       "posture_deg": np.degrees(remainder.posture).round(6).tolist()},
         "effects": [{"effect": term.effect.stored, "joint": term.joint} for term in learned.effects],
         "prior": learned.prior.tolist(), "mean": learned.mean.tolist(),
-        "covariance": [learned.covariance[row, :row + 1].tolist() for row in range(len(learned.mean))],
+        "covariance": _lower_half(learned.covariance), "unshown": _lower_half(learned.unshown),
     }
 
 
@@ -134,7 +135,12 @@ def read_learned(file: str | Path, cell: Cell) -> Learned:
         JobFrame(Frame.from_quaternion(1e-3 * np.array(job.position_mm), job.quaternion), 1e-3 * np.array(job.centre_mm),
                  1e-3 * job.radius_mm, job.duration_s),
         Remainder(position, posture, 1e-3 * part.remainder.length_mm, 1e-6 * part.remainder.amplitude_um), in_force,
-        part.told, Path(file))
+        part.told, Path(file),
+        np.zeros((SETUP + DRIFT, SETUP + DRIFT)) if part.unshown is None else _covariance(part.unshown, SETUP + DRIFT, name))
+
+
+def _lower_half(matrix: Array) -> list[list[float]]:
+    return [row[:number + 1] for number, row in enumerate(matrix.tolist())]
 
 
 def _covariance(rows: list[list[float]], count: int, name: str) -> Array:

@@ -16,6 +16,7 @@ from compensator.learning.posterior import Posterior, posterior
 from compensator.learning.rows import Rows
 from compensator.learning.sizes import Sizes, with_remainder, without_remainder
 from compensator.learning.terms import Terms, frame_of, terms_of
+from compensator.learning.unshown import UNSHOWN
 from compensator.learning.wrong_factor import refuse_wrong_factor
 from identification.common.arrays import Array
 from identification.fit.fitted_model import WIDE, Term
@@ -24,8 +25,6 @@ from identification.model.law_of import LawOf
 from identification.model.stiffness import IdentifiedModel
 
 ROUNDS = 3
-# A displacement of the job that is not known to this share of what was assumed before is not shown by the points.
-UNSHOWN = 0.05
 # Before the part was measured, 1 sigma: the size of an effect that it showed, in typical sizes, and what only shapes it, as a
 # share of where the search found it. Laws of real gears differ by some ten per cent.
 SIZE, SHAPE = 1.5, 0.3

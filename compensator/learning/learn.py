@@ -23,6 +23,7 @@ from compensator.learning.rows import rows_of
 from compensator.learning.shifted import said_of_shift
 from compensator.learning.terms import Terms
 from compensator.learning.unseen import said_of_unseen
+from compensator.learning.unshown import unshown
 from compensator.learning.wrong_axes import refuse_wrong_axes
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
@@ -88,7 +89,8 @@ def learn(
     parts = _parts(terms, found, measured, rows.seen(predicted.prediction.position)[:, 0])
     shown = fitted.believed.model.effects[len(model.effects):]
     in_force = tuple(EffectInForce(term.effect, term.joint) for term in shown)
-    learned = Learned(model.mean.copy(), fitted.absolute, found.covariance, terms.frame, found.remainder, in_force)
+    learned = Learned(model.mean.copy(), fitted.absolute, found.covariance, terms.frame, found.remainder, in_force,
+                      unshown=unshown(fitted.all_terms, fitted.sizes))
     result = Learning(predicted, terms, fitted.sizes, learned, measured, parts,
                       _motion(fitted.believed.covariance, found, motion, cell), fitted.chance, fitted.tried, asked,
                       (len(placed.rows), len(points)), points.source, chosen.logged_with, ())

@@ -24,6 +24,7 @@ def said_of_unseen(rows: Rows, predicted: Predicted, source: str) -> list[Findin
         said = ", ".join(f"{value:.2f}" for value in np.where(np.abs(along) < 0.005, 0.0, along))
         findings.append(Finding(
             "CS5331", "warning", f"no point tells how far the part is off along ({said}) of its work object: what set-up, "
-            "calibration and warming do that way is neither learned nor in left_um", file=source,
+            "calibration and warming do that way is not learned, and in left_um by how far it is off the other ways",
+            file=source,
             hint="measure faces that look that way too, or all components of the points"))
     return findings

@@ -175,6 +175,25 @@ def test_a_log_of_the_corrected_pass_is_not_corrected_for_depth_twice(tmp_path: 
     assert largest(milled(path, commanded(job))[1]) > 0.05 * largest(before)
 
 
+def test_where_the_corrected_pass_cut_nothing_nothing_is_followed(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
+    """Three targets at which the corrected tool found next to no stock, as where it turned or touched early: without force
+    there is no deviation, and every other target is what it is with its force in the log."""
+    job = Job(tmp_path, program=path.program(), forces=text(uncorrected[0]))
+    assert job.correct().code == 0
+    second, _ = milled(path, commanded(job))
+    (tmp_path / "applied.csv").write_bytes(job.offsets_file.read_bytes())
+    offsets, faint = [], second.copy()
+    faint[30:33] *= 1e-3
+    for force in (second, faint):
+        job.forces = text(force)
+        run = job.correct("--force", "--logged-with", tmp_path / "applied.csv", "--cutting-stiffness", f"{CUTTING}")
+        assert run.code == 0, run.err
+        offsets.append(np.linalg.norm(commanded(job), axis=1))
+    alike = np.delete(np.arange(COUNT), [29, 30, 31, 32, 33])
+    np.testing.assert_allclose(offsets[1][alike], offsets[0][alike], atol=1e-6)
+    assert offsets[1][30:33].max() < 3e-3 * offsets[0][30:33].min()
+
+
 def test_refusals(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
     first, _ = uncorrected
     job = Job(tmp_path, program=path.program(), forces=text(first))

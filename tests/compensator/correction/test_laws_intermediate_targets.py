@@ -191,6 +191,35 @@ def test_the_correction_begins_where_the_tool_touches(tmp_path: Path) -> None:
         assert distance_from_line(point, start, end)[0] < 5e-6
 
 
+@pytest.mark.parametrize("leaving", [False, True])
+def test_a_touch_close_behind_a_target_in_the_air_is_not_cut_before(tmp_path: Path, leaving: bool) -> None:
+    """Nearer to it than two targets may stand, so that none can be added in the air: up to the touch the tool stood on the
+    plan, and on the line to the first corrected target it stays within two sigma of that. Two targets on it is there."""
+    touch, end, step = 22.7, 43.5, 1.5
+    path = Path3(np.column_stack([np.arange(0, end + 1, step), *np.zeros((2, 30))]))
+    s = np.arange(0, end, 0.02)
+    share = np.clip(((end - s if leaving else s) - touch) / 0.2, 0.0, 1.0)
+    text = "path_mm,fx_n,fy_n,fz_n\n" + "".join(
+        f"{a:.2f},{50 * f:.4f},{200 * f:.4f},{-80 * f:.4f}\n" for a, f in zip(s, share, strict=True))
+    job = Job(tmp_path, program=path.program(), forces=text)
+    said = kit.codes(job.correct("--json"))
+    off, along = np.array([distance_from_line(frame.p, path.frames[0].p, path.frames[-1].p)
+                           for frame in kit.targets_of(job.out.read_text())]).T
+    order = np.argsort(along)
+    places = 1e-3 * np.arange(0, touch, 0.02)
+    at_air = np.interp(1e-3 * end - places if leaving else places, along[order], off[order])
+    rows = job.offsets()
+    sigma = 1e-6 * np.linalg.norm(kit.column(rows, "sx_um", "sy_um", "sz_um"), axis=1).max()
+    full = 1e-3 * np.linalg.norm(kit.column(rows, "ox_mm", "oy_mm", "oz_mm"), axis=1).max()
+    assert at_air.max() < 2 * sigma < 0.25 * full
+    assert "CS4119" in said
+    cut = 1e3 * (1e-3 * end - along if leaving else along)
+    first, second = np.sort(cut[cut > touch])[:2]
+    assert off[cut == second] > 0.95 * full
+    assert second < touch + 1.0
+    assert first < second
+
+
 def test_the_tare_names_targets_of_the_program_given(tmp_path: Path) -> None:
     """The sensor's bias is taken from the air behind a cut that begins at once, with intermediate targets in between."""
     path, written = Path3(LINES), []

@@ -37,6 +37,7 @@ from compensator.learning.sizes import (
     without_remainder,
 )
 from compensator.learning.terms import DRIFT_STD, SHIFT_STD, TURN_STD, Terms
+from compensator.learning.unshown import unshown
 from identification.model.rotations import Frame
 
 SIGMA = 4e-6
@@ -187,6 +188,49 @@ def test_warming_is_not_told_more_surely_than_a_smooth_error_lets_it() -> None:
         error = found.mean[where] - truth
         square += float(error @ np.linalg.solve(found.covariance[where, where], error))
     assert square < 110
+
+
+def by_level_normals(given: Terms) -> Terms:
+    """The rows across level walls alone: shifts along x and y and the turn about z are seen."""
+    return given.select(given.rows.direction[:, 2] == 0)
+
+
+@pytest.mark.parametrize("size", [0.05, 0.3])
+def test_a_height_that_no_point_shows_is_as_uncertain_as_the_rest_is_off(size: float) -> None:
+    """Set-ups drawn at one size in all six ways, in shares of what they are beforehand: the height is within two of the stated
+    sigma as a Student t of three degrees of freedom is within twice its own, 96 %."""
+    rng = np.random.default_rng(17)
+    given = by_level_normals(terms(rng, springs=1))
+    height, stated = np.empty((2, 300))
+    for number in range(300):
+        truth = size * given.of_job_std[:SETUP] * rng.standard_normal(SETUP)
+        one = replace(given, residual=given.of_job[:, :SETUP] @ truth + SIGMA * rng.standard_normal(len(given.rows)))
+        covariance = unshown(one, NOISE)
+        height[number], stated[number] = truth[2], np.sqrt(covariance[2, 2])
+        assert np.abs(covariance[[0, 1, 5]]).max() < 1e-18
+    assert 0.92 < np.mean(np.abs(height) < 2 * stated) < 0.99
+    assert np.median(stated) < 3 * size * SHIFT_STD
+
+
+def test_of_points_in_space_nothing_is_unshown_and_without_any_all_is() -> None:
+    given = terms(np.random.default_rng(19), springs=1)
+    assert not unshown(given, NOISE).any()
+    blind = replace(given, of_job=0 * given.of_job)
+    np.testing.assert_allclose(unshown(blind, NOISE), np.diag(given.of_job_std**2), rtol=1e-6)
+
+
+def test_a_height_that_no_point_shows_is_stated_and_holds_nothing_back() -> None:
+    """It is all of what is added, and all of that nobody measured; it belongs to the set-up, and goes with no other."""
+    position, theta, _ = path(5)
+    frame = JobFrame(Frame(np.eye(3), np.zeros(3)), position.mean(axis=0), 0.05, 1.0)
+    height = np.zeros((SETUP + DRIFT, SETUP + DRIFT))
+    height[2, 2] = 80e-6**2
+    learned = Learned(np.zeros(6), np.zeros(15), np.zeros((15, 15)), frame, unshown=height)
+    rest = replace(resting(learned.remainder.basis(position, theta)), columns=frame.columns(position, np.zeros(5)))
+    for repeats, left in (("job", 1.0), ("setup", 1.0), ("nothing", 0.0)):
+        for part in learned.carried(repeats).covariance_beside(np.zeros((5, 3, 6)), rest):
+            np.testing.assert_allclose(part, np.tile(left * np.diag([0, 0, 80e-6**2]), (5, 1, 1)), atol=1e-18)
+    assert not learned.exactly().covariance_beside(np.zeros((5, 3, 6)), rest)[0].any()
 
 
 def test_a_rigid_displacement_is_set_up() -> None:

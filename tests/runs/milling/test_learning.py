@@ -265,6 +265,7 @@ def test_what_another_robot_of_the_type_learned_is_refused(
 @pytest.mark.parametrize("edit", [
     lambda c: c.pop("mean"), lambda c: c["mean"].pop(), lambda c: c["covariance"].pop(), lambda c: c.update(version=2),
     lambda c: c["covariance"][3].__setitem__(3, -1.0), lambda c: c["remainder"]["posture_deg"].pop(),
+    lambda c: c["unshown"].pop(),
     lambda c: c["covariance"][3].__setitem__(0, 1e3), lambda c: c.update(springs=7),
     lambda c: c["job"].update(quaternion=[0] * 4)])
 def test_a_learned_file_that_is_not_whole_is_refused(job: ErringJob, learned: Path, tmp_path: Path, edit) -> None:

@@ -1,0 +1,53 @@
+"""Beside the air: where the tool touches the stock, or leaves it, between two targets the line between them must not cut.
+
+A target in the air is not moved, and mostly one is added where the tool touches (needed_targets.py). Where the program has one
+of its own that stands nearer to that place than two targets may, none can be, and the line to the first corrected target begins
+in the air: there the tool is off the plan by its correction, into the stock, where it had stood on the plan without. Where that
+is by more than the tolerance, where the log last shows air, the first corrected target, or the last, goes so far only that it
+is by one sigma of the target's own deviation; what the target does not get is left as stock until the next one. With a part
+learned the tool stood off the plan in the air too, and the line takes it nearer: nothing is held then.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.correction.grid_forces import place_of
+from compensator.correction.intermediate_targets import LookedAt
+from compensator.correction.restraint import TINY
+from identification.common.arrays import Array
+
+Indices = NDArray[np.intp]
+
+
+def air_beside(looked_at: LookedAt | None, targets: Indices) -> Array:
+    """At the corrected targets (M,) of the program: which share of the way from a neighbour in the air the log shows to be
+    air, the larger of both sides; 0 beside no air, and where nothing was looked at."""
+    share = np.zeros(len(targets))
+    if looked_at is None:
+        return share
+    at, number = looked_at.at, looked_at.number
+    placed, place = looked_at.fine.forces, place_of(looked_at.fine.path)
+    air = ~placed.forced & (placed.samples > 0)
+    corrected = np.isin(number, targets)
+    for side, beside in ((1, -1), (-1, 1)):     # air behind a target's back, and before it
+        here = np.flatnonzero(corrected)
+        other = here + beside
+        here, other = (ends[(other >= 0) & (other < len(at))] for ends in (here, other))
+        pairs = (number[here] + beside == number[other]) & ~corrected[other] & air[at[other]]
+        for one, from_air in zip(here[pairs].tolist(), other[pairs].tolist(), strict=True):
+            way = np.arange(at[from_air], at[one] + side, side)
+            last = way[int(np.argmin(np.append(air[way[:-1]], False))) - 1]
+            q = abs(place[last] - place[way[0]]) / max(abs(place[way[-1]] - place[way[0]]), TINY)
+            row = int(np.searchsorted(targets, number[one]))
+            share[row] = max(share[row], q)
+    return share
+
+
+def held_beside_air(offset: Array, share: Array, sigma: Array, tolerance: float) -> Array:
+    """The offsets (M, 3) [m], made shorter where a `share` (M,) of the line to the target is air and the tool would be off by
+    more than the tolerance [m] there: so that it is by `sigma` (M,) [m] at most."""
+    size = share * np.linalg.norm(offset, axis=1)
+    held = np.where(size > tolerance, np.minimum(1.0, sigma / np.maximum(size, TINY)), 1.0)
+    return np.asarray(offset * held[:, None])
