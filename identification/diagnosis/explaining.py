@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.diagnosis.begun import named_by_fits
+from identification.diagnosis.by_own_fits import held_against, likelier_fit, likeliest_fit
 from identification.diagnosis.detect import Detection, goodness_of_fit
 from identification.diagnosis.naming import LIKELIER, Named, converged, with_plainer_effects
-from identification.diagnosis.own_noise import held_against, likelier_fit, likeliest_fit
 from identification.diagnosis.search import Hypothesis, log_prior
 from identification.fit.misfit import GRANTED_AFTER_NAMING, beyond_stated
 from identification.fit.mistakes.evidence import log_evidence, under_ordinary_noise

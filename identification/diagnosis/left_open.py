@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from identification.common.arrays import Array
 from identification.diagnosis.discrimination import probing_rows
 from identification.diagnosis.judgement import Rival
 from identification.fit.fitted_model import Term, response
+from identification.fit.force_gain import delivered
 from identification.fit.load_test import LoadTest
 from identification.fit.marginal import Draws
 from identification.fit.posterior import Posterior
@@ -43,7 +45,12 @@ class RobotPart:
     @property
     def covariance(self) -> Array:
         """Of its own parameters (6 + P, 6 + P)."""
-        return np.asarray(self.fitted.covariance[np.ix_(self.kept, self.kept)])
+        return np.asarray(self.draws.covariance[np.ix_(self.kept, self.kept)])
+
+    @cached_property
+    def draws(self) -> Draws:
+        """Those of the model, the scale of the load cell drawn with them."""
+        return delivered(self.fitted)
 
     @property
     def prior_precision(self) -> Array:
@@ -65,7 +72,7 @@ class RobotPart:
 def left_open(carried: RobotPart, rivals: Sequence[Rival]) -> tuple[Array, Array]:
     """Covariance (6 + P, 6 + P) about its centre, and 95 % intervals (6 + P, 2), of the model that is carried: its own,
     and where it has rivals theirs beside, each with its probability."""
-    draws = carried.fitted.draws
+    draws = carried.draws
     interval = draws.interval(0.95)[carried.kept]
     if not rivals:
         return carried.covariance, interval
@@ -77,11 +84,11 @@ def left_open(carried: RobotPart, rivals: Sequence[Rival]) -> tuple[Array, Array
     as_carried = np.linalg.solve(slopes.T @ slopes / noise**2 + carried.prior_precision, slopes.T / noise**2)
     covariance, springs, weight = own * carried.covariance, [draws.x[:, SPRINGS]], [own * draws.weight]
     for rival in rivals:
-        part, of_rival = RobotPart.of(rival.fitted), rival.fitted.draws
+        part = RobotPart.of(rival.fitted)
         of_it, its_slopes = part.seen(rows)
         off, turned = as_carried @ (of_it - predicted), as_carried @ its_slopes
         covariance += rival.probability * (turned @ part.covariance @ turned.T + np.outer(off, off))
-        springs.append(of_rival.x[:, SPRINGS])
-        weight.append(rival.probability * of_rival.weight)
+        springs.append(part.draws.x[:, SPRINGS])
+        weight.append(rival.probability * part.draws.weight)
     interval[SPRINGS] = Draws(np.concatenate(springs), np.concatenate(weight), 0.0).interval(0.95)
     return covariance, interval

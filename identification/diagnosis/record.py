@@ -357,7 +357,7 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         if name in effects() and why not in OF_THE_KIND:
             findings.append(Finding("CS1405", "note", f"{name} was not looked for: {why}", file=source))
     findings += _times_assumed(judgement.plain.load_state, source)
-    if judgement.verdict == "adequate":
+    if judgement.verdict == "adequate" and not judgement.plain.data.cell.noise.force_gain:
         # The hook is no candidate where nothing hangs.
         loads, hint = ("force sensor", effects()["force_gain"].settles) if "hook_offset" in judgement.left_out else (
             "weights", "weigh what hangs, hook and rope too")

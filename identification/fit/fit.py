@@ -12,6 +12,7 @@ from identification.common.arrays import read_only, rms
 from identification.common.findings import CompstiffError, Finding, error
 from identification.common.tails import chi2_tail
 from identification.fit.fitted_model import predicted_deflection
+from identification.fit.force_gain import delivered
 from identification.fit.identifiability import (
     LOOK_FOR_IT,
     RELIABLE_LOG_STD,
@@ -173,9 +174,10 @@ def fit_stiffness(
     row_weight[identify] = fitted.row_weight
     figures = _figures(fitted, rms(residual[identify])) | {"model_check": check.as_dict()}
     validation = judge_validation(fitted, every)
-    model = IdentifiedModel(cell.robot, cell.flange_from_tcp, fitted.mean, fitted.covariance,
+    draws = delivered(fitted)
+    model = IdentifiedModel(cell.robot, cell.flange_from_tcp, fitted.mean, draws.covariance,
                             tuple(grade.grade for grade in grades), figures, (), fall_in_base(cell.world_from_base),
-                            cell.tool_mass, cell.tool_centre, interval=fitted.draws.interval(0.95),
+                            cell.tool_mass, cell.tool_centre, interval=draws.interval(0.95),
                             differs=figures["noise"]["setup_relative"], made_from=measurements.made_from)
     findings = (*measurements.findings, *_rejected(measurements.source, check), *mistaken,
                 *visit_findings(test, bad, measurements.source, _changed(whole, fitted)),
@@ -210,6 +212,7 @@ def _figures(fitted: Posterior, residual: float) -> dict[str, Any]:
             "pose_offset_um": (1e6 * components.offset * noise.offset).tolist(), "pose_offset_stated": noise.stated[OFFSET],
             "pose_offset_told_apart": noise.told_apart[1],
             "student_degrees_of_freedom": None if np.isinf(components.degrees) else components.degrees,
+            "force_gain_std": fitted.data.cell.noise.force_gain,
         },
         "prior": {"kind": prior.kind, "gamma": prior.gamma} if prior.kind == "gaussian" else {"kind": prior.kind},
     }

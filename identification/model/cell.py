@@ -41,8 +41,9 @@ class Noise:
     """What the cell states of the measurement noise, 1 sigma, base x y z.
 
     deflection (3,) [m] of one reading; force (3,) [N] plus force_relative (of each component); pose_offset (3,) [m],
-    one draw a pose. deflection_stated, force_stated, force_relative_stated, offset_stated: the file names that part, so that a
-    zero means none and not unknown; a force error of which one part is zero and the other left out is none.
+    one draw a pose; force_gain of all forces alike, which no row tells. deflection_stated, force_stated,
+    force_relative_stated, offset_stated: the file names that part, so that a zero means none and not unknown; a force error of
+    which one part is zero and the other left out is none.
     """
 
     deflection: Array
@@ -53,6 +54,7 @@ class Noise:
     force_stated: bool
     force_relative_stated: bool
     offset_stated: bool
+    force_gain: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +171,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
             force_relative_stated="force_relative_std" in stated or (
                 "force_std_n" in stated and not any(measurement.force_std_n)),
             offset_stated="pose_offset_std_um" in stated,
+            force_gain=measurement.force_gain_std,
         ),
         prior=prior,
         force_log=_force_log(log, sensor, described.tool),

@@ -29,6 +29,7 @@ class MeasurementFile(Strict):
     deflection_std_um: tuple[Positive, Positive, Positive] = (2.0, 2.0, 2.0)
     force_std_n: tuple[NotNegative, NotNegative, NotNegative] = ZERO
     force_relative_std: Annotated[float, Field(ge=0, le=0.3)] = 0.0
+    force_gain_std: Annotated[float, Field(ge=0, le=0.3)] = 0.0
     pose_offset_std_um: tuple[NotNegative, NotNegative, NotNegative] = ZERO
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification.diagnosis import own_noise
+from identification.diagnosis import by_own_fits
+from identification.diagnosis.by_own_fits import held_against, likelier_fit, likeliest_fit
 from identification.diagnosis.naming import Named
-from identification.diagnosis.own_noise import held_against, likelier_fit, likeliest_fit
 from identification.diagnosis.search import Hypothesis, Survey
 from tests.identification.diagnosis.sets_of_causes import survey
 
@@ -28,8 +28,8 @@ def fitting(monkeypatch: pytest.MonkeyPatch, fits: dict[tuple[int, ...], Any]) -
         tried.append(terms)
         return fits.get(terms)
 
-    monkeypatch.setattr(own_noise, "attempt", attempt)
-    monkeypatch.setattr(own_noise, "log_evidence", lambda fit: fit.evidence)
+    monkeypatch.setattr(by_own_fits, "attempt", attempt)
+    monkeypatch.setattr(by_own_fits, "log_evidence", lambda fit: fit.evidence)
     return tried
 
 
@@ -63,7 +63,7 @@ def test_the_rival_that_is_likelier_by_itself_is_found(monkeypatch: pytest.Monke
 def test_the_likeliest_of_one_and_two_causes(monkeypatch: pytest.MonkeyPatch) -> None:
     """By its own fit and how often so many act at once; the model itself where none converges."""
     seen = seen_of(((0,), 0.3), ((0, 3), 0.3), ((1,), 0.2), ((0, 3, 4), 0.1), ((3, 4), 0.1))
-    monkeypatch.setattr(own_noise, "survey", lambda *_: seen)
+    monkeypatch.setattr(by_own_fits, "survey", lambda *_: seen)
     start: Any = fit_of(0.0)
     one, two = fit_of(5.0, "a"), fit_of(6.0, "a", "b")
     tried = fitting(monkeypatch, {(1,): one, (3, 4): two, (0, 3, 4): fit_of(99.0)})
@@ -93,7 +93,7 @@ def held(monkeypatch: pytest.MonkeyPatch) -> Any:
     def of(found: Survey, beside_plain: Survey, fits: dict[tuple[int, ...], Any]) -> tuple[Named, Any, list[Any]]:
         tried = fitting(monkeypatch, fits)
         monkeypatch.setattr(Survey, "terms", lambda self, hypothesis: hypothesis.entries)
-        monkeypatch.setattr(own_noise, "survey", lambda *of: beside_plain)
+        monkeypatch.setattr(by_own_fits, "survey", lambda *of: beside_plain)
         plain, best = fit_of(-30.0), fit_of(0.0)
         return *held_against(Named(found, found.hypotheses[0], best), plain, {}), tried
 
