@@ -96,7 +96,7 @@ def place_forces(
     log, held = _without_held(as_driven(log, path), path)
     target = targets_of(log, path)
     on = target >= 0
-    findings = [*check_once(log, target, path.toolpath.driven), *said_of_lost(log, on)]
+    findings = [*check_once(log, target, path.toolpath.driven), *said_of_lost(log, on, path.toolpath.others)]
     behind = None if log.key == "target" else log.place[on] > path.length[target[on]]
     here = slice(None) if on.all() else on
     rows = TargetRows(len(path.toolpath), target[here], log.weight[here], behind)
