@@ -49,21 +49,28 @@ def said_of_lost(log: ForceLog, on: NDArray[np.bool_], others: OtherFiles = ALL_
     if lost > MOST_LOST * number:
         few = "none" if not on.any() else f"only {number - lost}"
         raise error("CS3005", f"{few} of the {number} samples {'lies' if number - lost < 2 else 'lie'} on this path",
-                    file=log.source, hint=_called(others) or "is it the log of this program, with TCP positions in its work object?")
+                    file=log.source, hint=_called(others) or "is it the log of this program, with TCP positions in its work "
+                    "object?")
     if not lost:
         return []
     beyond = _beyond(log, on)
     level: Level = "error" if beyond and not others.started else "warning" if beyond or lost > 0.01 * number else "note"
-    hint = "" if not beyond else f"the log goes on for {1e3 * beyond:.0f} mm behind the end of the program: " + (
-        _called(others) or "more turns of a loop (a WHILE counts as one), a second start, another program? Keep the rows of one "
-        "pass: others may stand at its end") if others.started else (
-        f"the log goes on for {1e3 * beyond:.0f} mm behind the end of a program that has no routine main: where a log of the "
-        f"whole job was when this part of it began is not known. {JOIN}, or keep the rows from its first target on to its last")
     found = Finding("CS3007", level, f"{lost} of {counted(number, 'sample')} not on the path, not used",
-                    file=log.source, line=int(log.line[np.argmin(on)]), hint=hint)
+                    file=log.source, line=int(log.line[np.argmin(on)]), hint=_why_beyond(beyond, others) if beyond else "")
     if level == "error":
         raise CompstiffError(found)
     return [found]
+
+
+def _why_beyond(beyond: float, others: OtherFiles) -> str:
+    """What to do with a log that goes on by so much [m] behind the end of the program."""
+    goes_on = f"the log goes on for {1e3 * beyond:.0f} mm behind the end of "
+    if not others.started:
+        return (f"{goes_on}a program that has no routine main: where a log of the whole job was when this part of it began is "
+                f"not known. {JOIN}, or keep the rows from its first target on to its last")
+    return f"{goes_on}the program: " + (
+        _called(others) or "more turns of a loop (a WHILE counts as one), a second start, another program? Keep the rows of "
+        "one pass: others may stand at its end")
 
 
 def _called(others: OtherFiles) -> str:

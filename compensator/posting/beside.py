@@ -1,4 +1,4 @@
-"""Routines that the files beside a program hold and that drive: what it calls of them is part of its way and not of its text."""
+"""Routines that the files beside a program hold and that drive: what it calls of these is on its way and not in its text."""
 
 from __future__ import annotations
 

@@ -62,7 +62,8 @@ def read_toolpath(file: str | Path, cell: Cell, settings: PostingSettings = AS_P
     if suffix not in RAPID_SUFFIXES:
         raise error("CS4201", f"toolpath format '{file.suffix}' is not read, expected one of "
                     f"{', '.join((*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLE_SUFFIXES))}",
-                    file=str(file), hint="write the toolpath as RAPID, as an APT cutter location file, or as a table")
+                    file=str(file), hint="a .pgf lists the modules of a job: compstiff post joins them" if suffix == ".pgf" else
+                    "write the toolpath as RAPID, as an APT cutter location file, or as a table")
     check_rapid(cell.robot, "this is a RAPID program", str(file))
     try:
         text = read_rapid(file.read_bytes(), str(file), partial(driving_beside, file))

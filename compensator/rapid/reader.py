@@ -117,10 +117,12 @@ def _ways(source: Source, runs: Runs) -> tuple[Way, ...]:
 def _others(scanned: Scan, elsewhere: Mapping[int, Elsewhere]) -> OtherFiles:
     """What of the program stands in other files, as far as this one shows it."""
     lines = locate(scanned.source, list(elsewhere))[0].tolist() if elsewhere else []
-    known = {call.name: line for line, call in zip(reversed(lines), reversed(elsewhere.values()), strict=True)
-             if not call.drives}
+    known = dict[str, int]()
+    for line, call in zip(lines, elsewhere.values(), strict=True):
+        if not call.drives:
+            known.setdefault(call.name, line)
     return OtherFiles(any(routine.name == "main" for routine in scanned.bodies) or not scanned.bodies,
-                      tuple(f"{name} (line {line})" for name, line in reversed(known.items())))
+                      tuple(f"{name} (line {line})" for name, line in known.items()))
 
 
 def _taken(source: Source, branch: Taken) -> str:

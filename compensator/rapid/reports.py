@@ -21,6 +21,8 @@ from identification.common.findings import Finding, Level, counted
 
 Mask = NDArray[np.bool_]
 
+# What `post` writes before each module that it joins.
+JOINED = b"! compstiff module: "
 _CELL = "it is taken from cell.yaml; check that it is the one there"
 
 
@@ -283,9 +285,10 @@ def _others(scan: Scan, places: Places, elsewhere: Mapping[int, Elsewhere]) -> l
         findings.append(_beside(places, beside))
     if len(scan.modules) > 1:
         findings.append(places.offset(
-            "CS2051", "warning", f"the file holds {len(scan.modules)} modules: their targets are counted one module after the "
-            "other, and their tools and work objects are all used", scan.modules[1:2],
-            "a controller loads one module a file: save each as a file of its own, with its own force log"))
+            "CS2051", "note" if JOINED in scan.source.data else "warning", f"the file holds {len(scan.modules)} modules: "
+            "their targets are counted one module after the other, and their tools and work objects are all used",
+            scan.modules[1:2],
+            "a controller loads one module a file: correct with --modules writes each in a file of its own"))
     if scan.stray >= 0:
         findings.append(places.offset("CS2030", "warning", "the text from here to the end of the file is no RAPID statement "
                                       "and was skipped", [scan.stray], "check that the file is complete"))
@@ -301,7 +304,7 @@ def _beside(places: Places, calls: Mapping[int, Elsewhere]) -> Finding:
     own = re.split(r"[\\/]", places.source.name)[-1]
     listed = " ".join([own, *files[:3], *(["..."] if len(files) > 3 else [])])
     return places.offset(
-        "CS2016", "warning", f"{shown} drive{'' if len(names) > 1 else 's'}, and stand{'' if len(names) > 1 else 's'} in {held} "
-        "beside this file: nothing of that is counted or corrected here", sorted(calls),
+        "CS2016", "warning", f"{shown} in {held}, beside this file, {'drive' if len(names) > 1 else 'drives'}: "
+        "nothing of that is counted or corrected here", sorted(calls),
         f"for a log of the whole job join its modules: compstiff post CELL {listed} -o job.mod; then correct job.mod with "
         "--modules, which writes them one by one again. A log of this file alone: as it is")
