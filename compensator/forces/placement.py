@@ -261,6 +261,13 @@ def _in_frames(force: Array, mean: Array, path: RobotPath, cell: Cell) -> dict[s
         for kind, frame in (others | turned).items()}}
 
 
+def axes_of_log(path: RobotPath, cell: Cell) -> dict[str, Array]:
+    """The rotation (N, 3, 3) into the base frame of each frame that a log may be in; `sensor` where it is known."""
+    form = cell.force_log
+    kinds: list[FrameKind] = ["base", "tool", *(("sensor",) if form.flange_from_sensor is not None else ())]
+    return {kind: base_from_log(path, replace(cell, force_log=replace(form, kind=kind))).rotation for kind in kinds}
+
+
 def _at(path: RobotPath, target: int) -> dict[str, Any]:
     """Where a target stands, for a finding."""
     return {"file": path.toolpath.source, "line": int(path.toolpath.line[target]), "target": int(target)}

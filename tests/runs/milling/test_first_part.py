@@ -157,6 +157,23 @@ def test_a_log_beside_the_stock(shop: Shop, fitted: dict[str, Any], tmp_path: Pa
     assert words in said[0]["message"]
 
 
+def test_a_log_that_is_read_wrongly_is_told_beside_the_stock(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
+    """A sensor turned by a quarter about the tool's axis shows a force that some cutter may feel, and not this one here."""
+    assert fitted["grades"]
+    head, *rows = shop.b.log(shop.b.first, shop.b.planned, "turned.csv").read_text().splitlines()
+    assert head.endswith("fx_n,fy_n,fz_n")
+    turned = [f"{','.join(cells[:-3])},{-float(cells[-2])},{cells[-3]},{cells[-1]}" for cells in (
+        row.split(",") for row in rows[::4])]
+    (tmp_path / "turned.csv").write_text("\n".join([head, *turned]) + "\n")
+    done = kit.run("predict", shop.cell, shop.b.program, "--stiffness", shop.stiffness, "--forces", tmp_path / "turned.csv",
+                   "--tare", "0:2", "--predict-force", shop.folder / "log.json", "--stock", shop.stocks[1], "-o",
+                   tmp_path / "d.csv", "--json")
+    assert done.code == 0, done
+    findings = {finding["code"]: finding["message"] for finding in json.loads(done.out)["findings"]}
+    assert "with the columns fy_n fx_n fz_n in this order, with y turned over" in findings["CS4750"]
+    assert not findings.keys() & {"CS3068", "CS3069", "CS3074", "CS3078", "CS3125"}
+
+
 @pytest.mark.parametrize(("words", "code"), [
     (("--predict-force", "log.json"), 2), (("--stock", "b.npz"), 2), ((), 2),
     (("--predict-force", "log.json", "--stock", "b.npz", "--tare", "0:2"), 1)])
