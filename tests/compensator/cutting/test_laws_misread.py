@@ -58,10 +58,12 @@ def test_every_other_reading_is_told(share: float) -> None:
     for frame, order, signs in READINGS[1::2]:
         columns = np.einsum("nji,nj->ni", axes["sensor"], force)[:, order] * signs
         read = np.einsum("nij,nj->ni", axes[frame], columns)
-        if np.linalg.norm(read - force) < 0.25 * np.linalg.norm(force):
-            continue            # next to the same
+        off = np.linalg.norm(read - force) / np.linalg.norm(force)
         told = misread(rows_of(weight, read), axes, frame, coefficients(share), 1e-4, 1e-4)
-        assert told is not None, (frame, order, signs)
+        # One that is next to the right one may pass; what is told is right.
+        assert told is not None or off < 0.4, (frame, order, signs)
+        if told is None:
+            continue
         as_told = np.einsum("nij,nj->ni", axes[told.frame], columns[:, told.order] * told.signs)
         wrong += np.linalg.norm(as_told - force) > 0.25 * np.linalg.norm(force)
     assert wrong == 0
