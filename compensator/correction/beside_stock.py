@@ -51,6 +51,6 @@ def beside_stock(loaded: LoadedPath, prediction: Prediction, settings: Settings)
         if reading is not None:
             said.append(Finding(
                 "CS4750", "warning", f"{reading.words(stated)}: it seems to be read wrongly, and the correction is wrong "
-                "with it", source, hint="are frame, sign and sensor_quaternion of force_log in cell.yaml right, and the order of "
-                "the columns? Push the tool by hand along each axis, once, and look at the log"))
+                "with it", source, hint="are frame, sign and sensor_quaternion of force_log in cell.yaml right, and the order "
+                "of the columns? Push the tool by hand along each axis, once, and look at the log"))
     return [*cut.findings(), *said]
