@@ -67,12 +67,15 @@ def _against(budget: Budget) -> Verdict:
 
 def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
     """Deviation before and after, the worst place, what is uncertain, the share of the tolerance."""
-    figures, given = job.as_dict(), _given(job).as_dict()
+    given_job = _given(job)
+    figures, given = job.as_dict(), given_job.as_dict()
     before, std = given["deviation_um"], given["deviation_std_um"]
     keys = [Key("pushed off, uncorrected", f"{before['largest']:.0f}", "µm", f"largest; RMS {before['rms']:.0f} µm")]
     corrected = budget.corrected if budget is not None else job if isinstance(job, Corrected) else None
     if corrected is None:
         assert isinstance(job, Predicted)
+        if job.another is not None:
+            keys.append(Key("were the stock 1 mm aside", f"{job.another.aside:.0f}", "µm", "RMS, so much off: compare the cut"))
         keys += _worst(job, np.linalg.norm(job.prediction.at_rest, axis=1), "largest at")
         return [*keys, Key("uncertainty of that", f"{2 * std['largest']:.0f}", "µm", "2 sigma, largest"),
                 Key("targets with force", f"{given['with_force']}", "", f"of {given['targets']}")]
@@ -86,6 +89,9 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
         keys.append(Key("largest correction", f"{figures['offset_mm']['largest']:.3f}", "mm",
                         f"{figures['corrected']} targets" + (f", {figures['held_back']} held back" if figures["held_back"]
                                                              else "")))
+    another = given_job.another
+    if another is not None:
+        keys.append(Key("were the stock 1 mm aside", f"{another.aside:.0f}", "µm", "RMS, so much off: compare the cut"))
     return [*keys, *_worst(corrected.predicted, left.std, "most is left at")]
 
 
