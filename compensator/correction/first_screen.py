@@ -9,6 +9,7 @@ import numpy as np
 from compensator.correction.budget import Budget
 from compensator.correction.correct import Corrected
 from compensator.correction.expected_left import CAUSES
+from compensator.correction.if_another import IfAnother
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import EXACTLY_ONE
 from compensator.posting.suffixes import rapid_suffix, toolpath_stem
@@ -74,11 +75,9 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
     corrected = budget.corrected if budget is not None else job if isinstance(job, Corrected) else None
     if corrected is None:
         assert isinstance(job, Predicted)
-        if job.another is not None:
-            keys.append(Key("were the stock 1 mm aside", f"{job.another.aside:.0f}", "µm", "RMS, so much off: compare the cut"))
         keys += _worst(job, np.linalg.norm(job.prediction.at_rest, axis=1), "largest at")
         return [*keys, Key("uncertainty of that", f"{2 * std['largest']:.0f}", "µm", "2 sigma, largest"),
-                Key("targets with force", f"{given['with_force']}", "", f"of {given['targets']}")]
+                _aside(job.another) or Key("targets with force", f"{given['with_force']}", "", f"of {given['targets']}")]
     left = corrected.left
     keys.append(Key("expected on the part, corrected", f"{2e6 * rms(left.std):.0f}" if len(left.std) else "0", "µm",
                     f"2 sigma, RMS; {2e6 * float(left.std.max(initial=0.0)):.0f} µm at the worst place"))
@@ -89,10 +88,14 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
         keys.append(Key("largest correction", f"{figures['offset_mm']['largest']:.3f}", "mm",
                         f"{figures['corrected']} targets" + (f", {figures['held_back']} held back" if figures["held_back"]
                                                              else "")))
-    another = given_job.another
-    if another is not None:
-        keys.append(Key("were the stock 1 mm aside", f"{another.aside:.0f}", "µm", "RMS, so much off: compare the cut"))
-    return [*keys, *_worst(corrected.predicted, left.std, "most is left at")]
+    aside = _aside(given_job.another)
+    return [*keys, *_worst(corrected.predicted, left.std, "most is left at"), *([aside] if aside else [])]
+
+
+def _aside(another: IfAnother | None) -> Key | None:
+    """Of predicted forces: what a stock that stands aside would mean."""
+    return None if another is None else Key("were the stock 1 mm aside", f"{another.aside:.0f}", "µm",
+                                            "RMS, so much off: compare the cut in words below")
 
 
 def _given(job: Predicted | Corrected) -> Predicted:
@@ -116,8 +119,9 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None, offsets: Path | 
     if program is None or cell is None or planned.model.source is None:
         return []
     stem = toolpath_stem(program)
-    inputs = (cell, program, "--stiffness", planned.model.source, "--forces", planned.forces.log.source,
-              *planned.settings.as_options())
+    # Forces that were predicted are named by --predict-force.
+    log = () if planned.forces.log.predicted is not None else ("--forces", planned.forces.log.source)
+    inputs = (cell, program, "--stiffness", planned.model.source, *log, *planned.settings.as_options())
     correct = call("correct", *inputs, "-o", f"{stem}_corrected{rapid_suffix(program)}", "--offsets", f"{stem}.offsets.csv",
                    "--report", f"{stem}.correct.html")
     tolerance = call("predict", *inputs, "-o", f"{stem}.deviation.csv", "--budget", "--tolerance-um", 100, "--report",

@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from compensator.correction.files import Inputs, predict_files
-from compensator.correction.first_screen import keys_of
+from compensator.correction.first_screen import keys_of, steps_of
 from compensator.correction.settings import Settings
 from compensator.cutting.cut import cut_of
 from compensator.cutting.stock_file import read_npz
@@ -195,6 +195,9 @@ def test_what_another_stock_or_cutter_would_mean_is_said(shop: Shop, fitted: dic
     told = found.another
     assert told.words in "".join(found.lines())
     assert "were the stock 1 mm aside" in [key.label for key in keys_of(found, None)]
+    # The command to copy names coefficients and stock, and no log: there is none.
+    commands = [step.command for step in steps_of(found, None, None)]
+    assert all("--predict-force" in command and "--forces" not in command for command in commands)
     for stated, changed in ((0.5 * told.aside, said("aside", stock_file(shop.b.part, tmp_path / "m.npz", aside_mm=0.5))),
                             (told.thicker, said("thick", shop.stocks[1], diameter=17))):
         other = np.linalg.norm(changed[1] - here, axis=1)
