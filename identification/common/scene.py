@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 # From where pictures look, as scene.js does at first.
 FROM = np.array([0.62, -0.68, 0.5])
 WIDTH, HEIGHT, EDGE = 920.0, 460.0, 34.0
-# Of names in a picture: a letter, a row [px].
+# Of names in a picture: a letter, a row, a dot [px].
 LETTER, ROW, DOT = 6.8, 15.0, 5.0
 
 
