@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -151,10 +153,17 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None, offsets: Path | 
                 Step("Or see first whether your tolerance will be kept (put it in place of 100):", tolerance)]
     remedies = budget.as_dict()["remedies"]
     if budget.as_dict()["over"] and remedies:
-        first = remedies[0]
-        return [Step(f"First what would help most: {first['do']} ({first['effort']}; gains {first['gain_um']:.1f} µm). Then "
-                     f"correct; {counted(first['over'], 'target')} would be left over the tolerance:", correct)]
+        first = first_of(remedies)
+        return [Step(f"First what leaves the least over the tolerance: {first['do']} ({first['effort']}; gains "
+                     f"{first['gain_um']:.1f} µm). Then correct; {counted(first['over'], 'target')} would be left over the "
+                     "tolerance:", correct)]
     return [Step("Write the corrected program:", correct)]
+
+
+def first_of(remedies: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Of a budget's remedies (JSON values) the one to begin with: it leaves the fewest targets over the tolerance; of those
+    that leave as few the one whose worst place is the best. What gains most on average may be another."""
+    return min(remedies, key=lambda remedy: (remedy["over"], remedy["two_sigma_um"]["largest"]))
 
 
 def name_of(planned: Predicted) -> str:
