@@ -80,6 +80,15 @@ class Way:
     turns: tuple[int | None, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class OtherFiles:
+    """What of a program stands in other files. started: it has the routine that the robot starts; called: routines that it
+    calls, that no file at hand holds, and that may drive, each with its line."""
+
+    started: bool = True
+    called: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class Toolpath:
     """N targets in the order of the text (docs/formats.md#force-logs: `target`).
@@ -102,7 +111,8 @@ class Toolpath:
     driven     (D,) the targets in the order in which the program drives them, some twice, some not at all; None: each once, in
                the order of the text, or the text does not say
     ways       the several ways the program may go, the likeliest first; a single one that takes no branch: they are too many
-    uncounted  (target, next one) between which the program drives to others, which are not counted
+    uncounted  (target, next one) between which the program drives to others, which are not counted; -1: before the first
+    others     what of the program stands in other files
     cutters    those that the file states for these targets; RAPID and tables state none
     """
 
@@ -130,6 +140,7 @@ class Toolpath:
     driven: Indices | None = None
     ways: tuple[Way, ...] = ()
     uncounted: tuple[tuple[int, int], ...] = ()
+    others: OtherFiles = OtherFiles()
     cutters: tuple[StatedCutter, ...] = ()
 
     @property
@@ -142,7 +153,8 @@ class Toolpath:
         rows: dict[str, Any] = {name: value[order] for name, value in vars(self).items()
                 if isinstance(value, np.ndarray) and name not in ("driven", "given")}
         between = set(self.uncounted)
-        uncounted = tuple((k, k + 1) for k, pair in enumerate(pairwise(order.tolist())) if pair in between) if between else ()
+        uncounted = tuple((k, k + 1) for k, pair in enumerate(pairwise([-1, *order.tolist()]), -1)
+                          if pair in between) if between else ()
         return replace(self, **rows, findings=(), given=None, switched=(), driven=None, ways=(), uncounted=uncounted)
 
     def __len__(self) -> int:

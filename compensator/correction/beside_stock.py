@@ -10,9 +10,11 @@ from compensator.correction.settings import Settings
 from compensator.cutting.coefficients import check_same, read_coefficients
 from compensator.cutting.cut import cut_of
 from compensator.cutting.disagreement import disagreement
+from compensator.cutting.misread import misread
 from compensator.cutting.predicted_log import STEP
 from compensator.cutting.rows import FEWEST, logged_rows
 from compensator.cutting.stock_file import read_stock
+from compensator.forces.placement import axes_of_log
 from identification.common.findings import Finding, counted
 
 
@@ -31,14 +33,24 @@ def beside_stock(loaded: LoadedPath, prediction: Prediction, settings: Settings)
     step = max(STEP, blank.position_std)
     cut = cut_of(path, blank, rpm, aside, step)
     check_same(coefficients, cut.cutter, path.cell.cutting.material, str(path.cell.source))
-    rows, _ = logged_rows(cut, forces, coefficients.mean)
+    rows, used = logged_rows(cut, forces, coefficients.mean)
     if len(rows.force) < FEWEST:
         return [Finding("CS4743", "warning", f"only {counted(len(rows.force), 'target')} with a force and engaged as the stock "
                         "says: the log cannot be held against it", file=source,
                         hint="is it the stock that this program started from?")]
     found = disagreement(rows, coefficients, cut.left.position_std, step)
     codes = {"adequate": "CS4740", "named": "CS4741", "ambiguous": "CS4742", "unknown": "CS4743"}
-    return [*cut.findings(), Finding(
+    said = [Finding(
         codes[found.verdict], "note" if found.verdict == "adequate" else "warning", found.words(), file=source,
         hint="" if found.verdict == "adequate" else "the correction goes by the log; forces predicted for other programs with "
         "these coefficients are as far off, unless it is this part's stock")]
+    if found.verdict != "adequate":
+        stated = path.cell.force_log.kind
+        axes = {kind: turn[used] for kind, turn in axes_of_log(path, path.cell).items()}
+        reading = misread(rows, axes, stated, coefficients, cut.left.position_std, step)
+        if reading is not None:
+            said.append(Finding(
+                "CS4750", "warning", f"{reading.words(stated)}: it seems to be read wrongly, and the correction is wrong "
+                "with it", source, hint="are frame, sign and sensor_quaternion of force_log in cell.yaml right, and the order "
+                "of the columns? Push the tool by hand along each axis, once, and look at the log"))
+    return [*cut.findings(), *said]

@@ -164,8 +164,9 @@ def correct(planned: Predicted) -> Corrected:
     correction = restrained(predicted, logged, cut, prediction, air)
     known = foreseen(predicted, cut, prediction)
     del prediction
+    posting = planned.settings.posting
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,
-                      correction.confdata, shared=planned.settings.posting.split is not None)
+                      correction.confdata, shared=posting.split is not None or posting.modules)
     content, of_marks = written.content, tuple[Finding, ...]()
     if planned.settings.posting.mark:
         content, of_marks = with_marks(read_rapid(content, predicted.program.text.source.name), planned.settings.posting.mark)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from compensator.correction.budget import Budget
 from compensator.correction.correct import Corrected
 from compensator.correction.expected_left import CAUSES
+from compensator.correction.if_another import IfAnother
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import EXACTLY_ONE
 from compensator.posting.suffixes import rapid_suffix, toolpath_stem
@@ -67,7 +70,8 @@ def _against(budget: Budget) -> Verdict:
 
 def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
     """Deviation before and after, the worst place, what is uncertain, the share of the tolerance."""
-    figures, given = job.as_dict(), _given(job).as_dict()
+    given_job = _given(job)
+    figures, given = job.as_dict(), given_job.as_dict()
     before, std = given["deviation_um"], given["deviation_std_um"]
     keys = [Key("pushed off, uncorrected", f"{before['largest']:.0f}", "µm", f"largest; RMS {before['rms']:.0f} µm")]
     corrected = budget.corrected if budget is not None else job if isinstance(job, Corrected) else None
@@ -75,7 +79,7 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
         assert isinstance(job, Predicted)
         keys += _worst(job, np.linalg.norm(job.prediction.at_rest, axis=1), "largest at")
         return [*keys, Key("uncertainty of that", f"{2 * std['largest']:.0f}", "µm", "2 sigma, largest"),
-                Key("targets with force", f"{given['with_force']}", "", f"of {given['targets']}")]
+                _aside(job.another) or Key("targets with force", f"{given['with_force']}", "", f"of {given['targets']}")]
     left = corrected.left
     keys.append(Key("expected on the part, corrected", f"{2e6 * rms(left.std):.0f}" if len(left.std) else "0", "µm",
                     f"2 sigma, RMS; {2e6 * float(left.std.max(initial=0.0)):.0f} µm at the worst place"))
@@ -86,7 +90,14 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
         keys.append(Key("largest correction", f"{figures['offset_mm']['largest']:.3f}", "mm",
                         f"{figures['corrected']} targets" + (f", {figures['held_back']} held back" if figures["held_back"]
                                                              else "")))
-    return [*keys, *_worst(corrected.predicted, left.std, "most is left at")]
+    aside = _aside(given_job.another)
+    return [*keys, *_worst(corrected.predicted, left.std, "most is left at"), *([aside] if aside else [])]
+
+
+def _aside(another: IfAnother | None) -> Key | None:
+    """Of predicted forces: what a stock that stands aside would mean."""
+    return None if another is None else Key("were the stock 1 mm aside", f"{another.aside:.0f}", "µm",
+                                            "RMS, so much off: compare the cut in words below")
 
 
 def _given(job: Predicted | Corrected) -> Predicted:
@@ -110,8 +121,9 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None, offsets: Path | 
     if program is None or cell is None or planned.model.source is None:
         return []
     stem = toolpath_stem(program)
-    inputs = (cell, program, "--stiffness", planned.model.source, "--forces", planned.forces.log.source,
-              *planned.settings.as_options())
+    # Forces that were predicted are named by --predict-force.
+    log = () if planned.forces.log.predicted is not None else ("--forces", planned.forces.log.source)
+    inputs = (cell, program, "--stiffness", planned.model.source, *log, *planned.settings.as_options())
     correct = call("correct", *inputs, "-o", f"{stem}_corrected{rapid_suffix(program)}", "--offsets", f"{stem}.offsets.csv",
                    "--report", f"{stem}.correct.html")
     tolerance = call("predict", *inputs, "-o", f"{stem}.deviation.csv", "--budget", "--tolerance-um", 100, "--report",
@@ -141,10 +153,17 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None, offsets: Path | 
                 Step("Or see first whether your tolerance will be kept (put it in place of 100):", tolerance)]
     remedies = budget.as_dict()["remedies"]
     if budget.as_dict()["over"] and remedies:
-        first = remedies[0]
-        return [Step(f"First what would help most: {first['do']} ({first['effort']}; gains {first['gain_um']:.1f} µm). Then "
-                     f"correct; {counted(first['over'], 'target')} would be left over the tolerance:", correct)]
+        first = first_of(remedies)
+        return [Step(f"First what leaves the least over the tolerance: {first['do']} ({first['effort']}; gains "
+                     f"{first['gain_um']:.1f} µm). Then correct; {counted(first['over'], 'target')} would be left over the "
+                     "tolerance:", correct)]
     return [Step("Write the corrected program:", correct)]
+
+
+def first_of(remedies: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Of a budget's remedies (JSON values) the one to begin with: it leaves the fewest targets over the tolerance; of those
+    that leave as few the one whose worst place is the best. What gains most on average may be another."""
+    return min(remedies, key=lambda remedy: (remedy["over"], remedy["two_sigma_um"]["largest"]))
 
 
 def name_of(planned: Predicted) -> str:

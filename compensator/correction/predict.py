@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.beside_stock import beside_stock
 from compensator.correction.correctable import targets_to_correct
+from compensator.correction.if_another import IfAnother, if_another
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.log_numbers import by_given_targets
 from compensator.correction.prediction import Prediction, predict_path
@@ -105,7 +106,12 @@ class Predicted:
     @property
     def taken(self) -> TakenAsGiven:
         """What no file of the job can prove."""
-        return taken_as_given(self.loaded, self.settings)
+        return taken_as_given(self.loaded, self.settings, self.another)
+
+    @property
+    def another(self) -> IfAnother | None:
+        """Of predicted forces: what another stock, cutter or material would mean; None of a log."""
+        return if_another(self.loaded, self.prediction.position)
 
     def lines(self) -> list[str]:
         """The prediction for the terminal."""

@@ -87,7 +87,7 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None, offset
             lead.append(f"Between the targets of the {between['moves']} moves that were looked at it leaves "
                         f"{between['largest']:.1f} um at most; zones are not counted.")
     taken = (corrected.planned if corrected is not None else predicted).taken.words
-    lead.append(f"No file proves these; compare them with what you know: {'; '.join(taken)}.")
+    lead += [f"No file proves this, compare it with what you know: {words}." for words in taken]
     tables = [ReportTable("In figures", ["what", "value"], rows, numbers=(1,))]
     # Absurd numbers overflow on their way to a picture; the findings say so, NumPy need not.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

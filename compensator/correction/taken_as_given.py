@@ -20,6 +20,7 @@ import numpy as np
 
 from compensator.correction.cut_kind import towards_spindle
 from compensator.correction.cutting_prior import ENGAGED, TEETH
+from compensator.correction.if_another import IfAnother
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.settings import Settings
 from compensator.cutting.materials import MATERIALS
@@ -44,6 +45,7 @@ class TakenAsGiven:
     force: float
     power: float | None
     sections: dict[str, float]
+    of_stock: str = ""              # of forces that were predicted: what is cut, and what another stock would mean
 
     @property
     def cut(self) -> str:
@@ -58,7 +60,8 @@ class TakenAsGiven:
     @property
     def words(self) -> list[str]:
         """One sentence each: robot, part, cut."""
-        return [f"robot: {self.robot}", f"part: {self.place}", *([f"cut: {self.cut}"] if self.force else [])]
+        cut = self.of_stock or (self.cut if self.force else "")
+        return [f"robot: {self.robot}", f"part: {self.place}", *([f"cut: {cut}"] if cut else [])]
 
     def lines(self) -> list[str]:
         """For the terminal."""
@@ -80,8 +83,9 @@ class TakenAsGiven:
             "of this program?")]
 
 
-def taken_as_given(loaded: LoadedPath, settings: Settings) -> TakenAsGiven:
-    """Of a program under its forces; without a cut where they are predicted, without a place where no target has force."""
+def taken_as_given(loaded: LoadedPath, settings: Settings, another: IfAnother | None = None) -> TakenAsGiven:
+    """Of a program under its forces; where they are predicted with the cut that they are of, `another`, without a place where
+    no target has force."""
     path, targets, cell = loaded.path, loaded.targets, loaded.path.cell
     serial = cell.robot.serial_number
     source = f", stiffnesses from {loaded.model.source.name}" if loaded.model.source else ""
@@ -93,7 +97,7 @@ def taken_as_given(loaded: LoadedPath, settings: Settings) -> TakenAsGiven:
     place = "cuts at " + ", ".join(f"{name} {low:.0f} to {high:.0f}" for name, low, high in zip(
         "xyz", np.floor(at.min(axis=0)), np.ceil(at.max(axis=0)), strict=True)) + " mm from the robot's base"
     if loaded.forces.unknown is not None:
-        return TakenAsGiven(robot, place, 0.0, None, {})
+        return TakenAsGiven(robot, place, 0.0, None, {}, another.words if another else "")
     force = loaded.forces.wrench[targets, :3]
     axis = towards_spindle(path)[targets]
     across = np.linalg.norm(force - axis * np.einsum("ni,ni->n", force, axis)[:, None], axis=1)

@@ -84,7 +84,7 @@ def disagreement(rows: ForceRows, coefficients: Coefficients, position_std: floa
     of_chip, of_edge = weight[:, :, :3] @ mean[:3], weight[:, :, 3:] @ mean[3:]
     expected = of_chip + of_edge
     size = np.linalg.norm(expected, axis=1)
-    known = _root(coefficients.covariance)
+    known = root_of(coefficients.covariance)
     largest = np.repeat([np.abs(mean[:3]).max(), np.abs(mean[3:]).max()], 3)
     turned = np.cross(np.eye(3)[None], expected[:, None, :]).swapaxes(1, 2)
     always = [weight @ known, np.broadcast_to(ZERO * np.eye(3), (len(weight), 3, 3)), rows.aside * (position_std / step)]
@@ -135,7 +135,7 @@ def _fits(left: Array, scale: Array, force: float) -> bool:
                 or np.sqrt(np.median(left**2)) < SMALL * force * 0.6745)
 
 
-def _root(covariance: Array) -> Array:
+def root_of(covariance: Array) -> Array:
     """S with S S^T = covariance (6, 6)."""
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))

@@ -11,7 +11,7 @@ import numpy as np
 from compensator.cutting.coefficients import Coefficients, check_same
 from compensator.cutting.cut import Cut, cut_of
 from compensator.cutting.stock_file import read_stock
-from compensator.forces.log import ForceLog, PredictedForces
+from compensator.forces.log import ForceLog, PredictedForces, StockCut
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding
 from identification.model.cell import Cell, ForceLogFrame
@@ -65,7 +65,18 @@ def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path
     return ForceLog(
         str(coefficients.source), force, nothing, False, "path_mm", place, np.arange(1, rows + 1),
         np.maximum(np.round(cut.track.length[own] / pieces[own] / A_SAMPLE), 1.0), None, None, None, force,
-        np.zeros(rows, dtype=bool), findings, predicted=PredictedForces(own, covariance, follows)), cut
+        np.zeros(rows, dtype=bool), findings,
+        predicted=PredictedForces(own, covariance, follows, _stated(cut, coefficients))), cut
+
+
+def _stated(cut: Cut, coefficients: Coefficients) -> StockCut | None:
+    """The cut as it is stated; None where there is none."""
+    figures = cut.figures()
+    if not figures["cutting_targets"]:
+        return None
+    material = (cut.path.cell.cutting.material or coefficients.material or "a material that is not stated").replace("_", " ")
+    return StockCut(f"{cut.cutter.words()}, in {material}, on average {figures['depth_mm']:.2f} mm deep along the axis and "
+                    f"{figures['width_mm']:.2f} mm wide across the feed", cut.mean(cut.engagement.width), 2 * cut.cutter.radius)
 
 
 def _outside(cut: Cut, coefficients: Coefficients) -> list[Finding]:

@@ -40,6 +40,14 @@ def candidates(program: ProgramTime, bins: Bins) -> list[tuple[float, float]]:
     return kept
 
 
+def promise(program: ProgramTime, bins: Bins) -> float:
+    """The largest share of the force's variance that the program explains anywhere, stretches and leads as planned: what a
+    quick look tells of it."""
+    step = bins.width / max(program.duration, len(bins.time) * bins.width)
+    return max(float(_explained(program, bins, override).max())
+               for override in np.exp(np.arange(np.log(SLOWEST), np.log(FASTEST), step)))
+
+
 def _explained(program: ProgramTime, bins: Bins, override: float) -> Array:
     """Share of the force's variance that the program explains when it starts at each bin, cyclically (size,)."""
     from scipy.fft import irfft, next_fast_len, rfft

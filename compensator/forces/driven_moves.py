@@ -14,6 +14,7 @@ from compensator.forces.log import ForceLog
 from compensator.forces.log_path import on_path, placed_rows
 from compensator.forces.program_time import moves_in_air
 from compensator.forces.source import Key
+from compensator.forces.time_log import promise_by_time
 from compensator.path.driven_path import DrivenPath, driven_path
 from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Way
@@ -27,6 +28,9 @@ APART, NEARER = 0.02, 0.2
 SAME, BESIDE = 5e-3, 0.01
 # A log by time alone, whose place takes long to find, is tried with no more turns of a loop than this, but for those stated.
 TURNS_BY_TIME = 2
+# Of more ways than this only those are tried, and so many at most, of which a quick look explains the force worse than of the
+# best by no more than this share of its variance (the quick look of the right one is the best or next to it: tests).
+MOST_BY_TIME, RULED_OUT = 8, 0.3
 # A log of which no more than this share has one place on all ways is not used.
 LEAST = 0.1
 # So many moves are named.
@@ -106,12 +110,31 @@ def _each_way(log: ForceLog, path: RobotPath) -> Iterator[_Placed]:
     are."""
     tried = [way for way in path.toolpath.ways if log.key != "time" or way.stated or not any(
         turns is not None and turns > TURNS_BY_TIME for turns in way.turns)]
+    if log.key == "time" and len(tried) > MOST_BY_TIME:
+        tried = _promising(log, path, tried)
     with progress(f"placing the log along {counted(len(tried), 'way')} that the program may go", len(tried)) as bar:
         for way in tried:
             placed = _along(log, path, way)
             bar.add(1)
             if placed is not None:
                 yield placed
+
+
+def _promising(log: ForceLog, path: RobotPath, ways: list[Way]) -> list[Way]:
+    """Of many ways those that a quick look at a log by time alone leaves, and those that the file's values lead to."""
+    found = []
+    with progress(f"looking at {counted(len(ways), 'way')} that the program may go", len(ways)) as bar:
+        for way in ways:
+            driven = driven_path(path, way.order)
+            bar.add(1)
+            try:
+                found.append(0.0 if driven is None else promise_by_time(log, driven.run))
+            except CompstiffError:
+                found.append(0.0)
+    looked = np.array(found)
+    best = np.argsort(-looked, kind="stable")[:MOST_BY_TIME]
+    kept = {int(k) for k in best if looked[k] >= looked.max() - RULED_OUT}
+    return [way for k, way in enumerate(ways) if k in kept or way.stated]
 
 
 def _along(log: ForceLog, path: RobotPath, way: Way) -> _Placed | None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
-from compensator.forces.map_matching import match_forwards
+from compensator.forces.map_matching import match_forwards, match_nearest_pass
 from compensator.forces.time_log import place_by_time
 from compensator.path.arc_length import polyline
 from compensator.path.robot_path import RobotPath
@@ -64,7 +64,7 @@ def _on_path(log: ForceLog, path: RobotPath) -> ForceLog:
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source,
                     hint=why_unknown(path))
     position = _world_positions(log, path)
-    place = match_forwards(points, length, position)
+    place, passes = match_nearest_pass(points, length, position)
     if not np.isfinite(place).any() or np.ptp(place[np.isfinite(place)]) < SHORT * length[-1]:
         _check_unit(log, position, points, "x_mm y_mm z_mm are")
     frame = _frame_of(log, path, points, length) if np.isnan(place).all() else ""
@@ -72,8 +72,8 @@ def _on_path(log: ForceLog, path: RobotPath) -> ForceLog:
         raise error("CS3005", f"none of the {counted(int(log.weight.sum()), 'sample')} lies on this path", file=log.source,
                     hint=f"they do as positions in {frame}: x_mm y_mm z_mm are in the program's work object")
     beside = position - np.column_stack([np.interp(place, length, axis) for axis in points.T])
-    return replace(log, key="path_mm", place=_in_time(log, place, path), findings=(*log.findings, *_beside(log, beside)),
-                   on_path=True, sent=True, beside=beside)
+    return replace(log, key="path_mm", place=_in_time(log, place, path), findings=(*log.findings, *_beside(log, beside),
+                   *_of_passes(log, place, beside, passes)), on_path=True, sent=True, beside=beside)
 
 
 def _reach(points: Array) -> float:
@@ -136,18 +136,31 @@ def _beside(log: ForceLog, beside: Array) -> list[Finding]:
                     hint="does the logger use another TCP or work object than the program, or is the log of another one?")]
 
 
+def _of_passes(log: ForceLog, place: Array, beside: Array, passes: int) -> list[Finding]:
+    """What is said of a log that goes along the path several times; place (M,), beside (M, 3): of the pass that is taken."""
+    if passes < 2:
+        return []
+    on = np.flatnonzero(~np.isnan(place))
+    off = float(np.median(np.linalg.norm(beside[on], axis=1)))
+    return [Finding("CS3128", "warning", f"the log goes along this path {passes} times, as layer upon layer does: that of rows "
+                    f"{log.line[on[0]]} to {log.line[on[-1]]} is taken, {1e3 * off:.2f} mm off it in the middle", log.source,
+                    int(log.line[on[0]]), hint="the nearest, and of passes as near the first; is another one meant, keep its "
+                    "rows alone; a log of a job of several modules lies on all of them joined (compstiff post)")]
+
+
 def _before_unknown(log: ForceLog, path: RobotPath) -> tuple[ForceLog, NDArray[np.bool_]]:
     """The log, and its samples (M,) behind the first target of unknown position between others, or the first move that is not
     counted, since the way there is not known. A log that ends where the path without such does counts as that one.
 
     Raises CompstiffError (CS3124) where these are nearly all."""
     known = np.flatnonzero(~np.isnan(path.length))
-    of_moves = [before for before, behind in path.toolpath.uncounted if np.isfinite(path.length[[before, behind]]).all()]
+    of_moves = [before for before, behind in path.toolpath.uncounted
+                if np.isfinite(path.length[[max(before, 0), behind]]).all()]
     gaps = np.sort(np.concatenate([known[:-1][np.diff(known) > 1], np.array(of_moves, dtype=np.intp)]))
     whole = float(path.length[known[-1]]) if len(known) else 0.0
     unknown = np.zeros(len(log.place), dtype=bool)
     if len(gaps) and abs(float(np.nanmax(log.place)) - whole) > max(ENDS, ENDS_SHARE * whole):
-        unknown = log.place > path.length[gaps[0]]
+        unknown = log.place > path.length[gaps[0]] if gaps[0] >= 0 else ~unknown
     number = int(log.weight[unknown].sum())
     if not number:
         return log, unknown
@@ -156,7 +169,8 @@ def _before_unknown(log: ForceLog, path: RobotPath) -> tuple[ForceLog, NDArray[n
              if gaps[0] in of_moves else f"in line {line}: {_reason(path, int(gaps[0]) + 1)}")
     finding = Finding("CS3124", "warning", f"{counted(number, 'sample')} left out, since the way there is not known: {where}",
                       file=path.toolpath.source, line=line,
-                      hint="declare it in numbers in this file; or log the column target, or x_mm y_mm z_mm")
+                      hint="declare it in numbers in this file, or join the files (CS2016); or log the column target, or "
+                      "x_mm y_mm z_mm")
     if unknown.mean() >= 1 - LEAST:
         raise CompstiffError(replace(finding, level="error"))
     return replace(log, findings=(*log.findings, finding)), unknown

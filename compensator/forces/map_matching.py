@@ -25,6 +25,11 @@ NEAR, MISSES, AHEAD = 0.1 * OFF_PATH, 5, 4e-3
 # Of a segment's length, by which what lies on it may be beyond its ends.
 SLACK = 1e-9
 
+# A later pass has at least so much of the samples of the one before it, and is that of this path where it lies so much nearer
+# to it in the middle, unless the other is off it by no more than noise and zones put it [m]. It
+# ends once it has come to the last part of the path, this share of it.
+FEWEST_OF_PASS, NEARER, SAME_PASS, AT_END = 0.5, 0.5, 1e-4, 0.02
+
 
 def match_forwards(points: Array, s: Array, samples: Array) -> Array:
     """Arc length (M,) [m] of TCP positions `samples` (M, 3) [m] in time order; NaN where a sample is not on the path.
@@ -50,6 +55,43 @@ def match_forwards(points: Array, s: Array, samples: Array) -> Array:
     return np.concatenate([
         _project_between(segments, samples[part:part + AT_ONCE], part, keys[good], arc[good])
         for part in range(0, len(samples), AT_ONCE)])
+
+
+def match_nearest_pass(points: Array, s: Array, samples: Array) -> tuple[Array, int]:
+    """`match_forwards` of that pass of a log which lies nearest to the path, and how many passes lie on it: layer upon layer a
+    tool goes along the same lines, and one layer's path is as long as the others'. Of passes that lie as near the first."""
+    best = found = match_forwards(points, s, samples)
+    passes = 1
+    while (behind := _end(found, s)) < len(samples):
+        later = np.full(len(samples), np.nan)
+        later[behind:] = match_forwards(points, s, samples[behind:])
+        if np.isfinite(later).sum() < FEWEST_OF_PASS * np.isfinite(found[:behind]).sum():
+            break
+        passes += 1
+        # Samples of a later pass come near the last move of this one.
+        found[behind:] = np.nan
+        if found is not best and _off(points, s, samples, found) < NEARER * _off(points, s, samples, best):
+            best = found
+        found = later
+    if found is not best and _off(points, s, samples, found) < NEARER * _off(points, s, samples, best):
+        best = found
+    return best, passes
+
+
+def _end(arc: Array, s: Array) -> int:
+    """The sample behind a pass, arc (M,): the first off the path once it has come to the last part of it."""
+    on = np.flatnonzero(~np.isnan(arc))
+    if not len(on):
+        return len(arc)
+    run = on[int(np.argmax(arc[on] >= arc[on].max() - max(OFF_PATH, AT_END * float(s[-1])))):]
+    return int(run[int(np.argmax(np.diff(run, append=-1) != 1))]) + 1
+
+
+def _off(points: Array, s: Array, samples: Array, arc: Array) -> float:
+    """How far [m] samples (M, 3) lie off the path in the middle, by their places (M,) on it; at least SAME_PASS."""
+    on = ~np.isnan(arc)
+    off = samples[on] - np.column_stack([np.interp(arc[on], s, axis) for axis in points.T])
+    return max(float(np.median(np.linalg.norm(off, axis=1))), SAME_PASS)
 
 
 def _start(segments: Segments, samples: Array) -> float:

@@ -11,6 +11,7 @@ from compensator.forces.log import ForceLog
 from compensator.forces.log_path import why_unknown
 from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
+from compensator.toolpath import OtherFiles
 from identification.common.findings import CompstiffError, Finding, Level, counted, error
 
 Indices = NDArray[np.intp]
@@ -23,6 +24,8 @@ BACK, MOST_AGAIN, BACK_BY = 5, 0.1, 5e-3
 BEYOND = 0.02
 # So many targets are named in the order in which they are driven.
 NAMED = 8
+ALL_HERE = OtherFiles()
+JOIN = "Join all modules of the job (compstiff post CELL MAIN.mod OTHER.mod ... -o job.mod)"
 
 
 def targets_of(log: ForceLog, path: RobotPath) -> Indices:
@@ -38,30 +41,52 @@ def targets_of(log: ForceLog, path: RobotPath) -> Indices:
     return np.where(inside, nearest_target(length, np.where(inside, log.place, 0.0)), -1)
 
 
-def said_of_lost(log: ForceLog, on: NDArray[np.bool_]) -> list[Finding]:
-    """What is said of samples off the path; on (M,): rows on it. Raises CompstiffError (CS3005) where nearly all are off."""
+def said_of_lost(log: ForceLog, on: NDArray[np.bool_], others: OtherFiles = ALL_HERE) -> list[Finding]:
+    """What is said of samples off the path; on (M,): rows on it; others: what of the program stands in other files. Raises
+    CompstiffError: CS3005 nearly all are off, CS3007 a log by path length goes on behind a program that another file starts."""
     number = int(log.weight.sum())
     lost = int(log.weight[~on].sum())
     if lost > MOST_LOST * number:
         few = "none" if not on.any() else f"only {number - lost}"
         raise error("CS3005", f"{few} of the {number} samples {'lies' if number - lost < 2 else 'lie'} on this path",
-                    file=log.source, hint="is it the log of this program, with TCP positions in its work object?")
+                    file=log.source, hint=_called(others) or "is it the log of this program, with TCP positions in its work "
+                    "object?")
     if not lost:
         return []
-    level: Level = "warning" if lost > 0.01 * number else "note"
-    return [Finding("CS3007", level, f"{lost} of {counted(number, 'sample')} not on the path, not used",
-                    file=log.source, line=int(log.line[np.argmin(on)]), hint=_beyond(log, on))]
+    beyond = _beyond(log, on)
+    level: Level = "error" if beyond and not others.started else "warning" if beyond or lost > 0.01 * number else "note"
+    found = Finding("CS3007", level, f"{lost} of {counted(number, 'sample')} not on the path, not used",
+                    file=log.source, line=int(log.line[np.argmin(on)]), hint=_why_beyond(beyond, others) if beyond else "")
+    if level == "error":
+        raise CompstiffError(found)
+    return [found]
 
 
-def _beyond(log: ForceLog, on: NDArray[np.bool_]) -> str:
-    """What to do where the lost rows of a log by path length lie behind the end of the path; "" where they do not."""
+def _why_beyond(beyond: float, others: OtherFiles) -> str:
+    """What to do with a log that goes on by so much [m] behind the end of the program."""
+    goes_on = f"the log goes on for {1e3 * beyond:.0f} mm behind the end of "
+    if not others.started:
+        return (f"{goes_on}a program that has no routine main: where a log of the whole job was when this part of it began is "
+                f"not known. {JOIN}, or keep the rows from its first target on to its last")
+    return f"{goes_on}the program: " + (
+        _called(others) or "more turns of a loop (a WHILE counts as one), a second start, another program? Keep the rows of "
+        "one pass: others may stand at its end")
+
+
+def _called(others: OtherFiles) -> str:
+    """What may stand behind it where the program calls routines that no file at hand holds; "" where it calls none."""
+    if not others.called:
+        return ""
+    return (f"does {', '.join(others.called[:NAMED])} drive, of another file? Then a log by path length or time lies elsewhere "
+            f"behind it. {JOIN}, or log x_mm y_mm z_mm")
+
+
+def _beyond(log: ForceLog, on: NDArray[np.bool_]) -> float:
+    """By how much [m] a log by path length goes on behind the end of the path; 0.0 where it does not."""
     if log.key != "path_mm" or log.sent or log.spread is not None or not on.any():
-        return ""
+        return 0.0
     end, last = float(log.place[on].max()), float(np.nanmax(log.place))
-    if last < (1 + BEYOND) * end:
-        return ""
-    return (f"the log goes on for {1e3 * (last - end):.0f} mm behind the end of the program: more turns of a loop (a "
-            "WHILE counts as one), a second start, another program? Keep the rows of one pass: others may stand at its end")
+    return last - end if last >= (1 + BEYOND) * end else 0.0
 
 
 def check_once(log: ForceLog, target: Indices, driven: Indices | None) -> list[Finding]:

@@ -96,7 +96,7 @@ def place_forces(
     log, held = _without_held(as_driven(log, path), path)
     target = targets_of(log, path)
     on = target >= 0
-    findings = [*check_once(log, target, path.toolpath.driven), *said_of_lost(log, on)]
+    findings = [*check_once(log, target, path.toolpath.driven), *said_of_lost(log, on, path.toolpath.others)]
     behind = None if log.key == "target" else log.place[on] > path.length[target[on]]
     here = slice(None) if on.all() else on
     rows = TargetRows(len(path.toolpath), target[here], log.weight[here], behind)
@@ -259,6 +259,13 @@ def _in_frames(force: Array, mean: Array, path: RobotPath, cell: Cell) -> dict[s
     return {form.kind: force, **{
         kind: form.sign * mean if kind == "base" else np.nan_to_num(frame.turn(form.sign * mean))
         for kind, frame in (others | turned).items()}}
+
+
+def axes_of_log(path: RobotPath, cell: Cell) -> dict[str, Array]:
+    """The rotation (N, 3, 3) into the base frame of each frame that a log may be in; `sensor` where it is known."""
+    form = cell.force_log
+    kinds: list[FrameKind] = ["base", "tool", *(("sensor",) if form.flange_from_sensor is not None else ())]
+    return {kind: base_from_log(path, replace(cell, force_log=replace(form, kind=kind))).rotation for kind in kinds}
 
 
 def _at(path: RobotPath, target: int) -> dict[str, Any]:

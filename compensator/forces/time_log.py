@@ -6,12 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from compensator.forces.alignment_regression import binned
+from compensator.forces.alignment_search import promise
 from compensator.forces.log import ForceLog
 from compensator.forces.program_time import HINT, ProgramTime, program_time
 from compensator.forces.time_alignment import MOST_ODD, TimeAlignment, align
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding, Refused, counted, error
 
+# A quick look takes so many bins a stretch, and so many in all.
+LOOK, LOOKS = 4, (64, 500)
 # Fewer samples than this say nothing about time.
 FEWEST_SAMPLES = 100
 
@@ -32,6 +36,17 @@ def place_by_time(log: ForceLog, path: RobotPath) -> ForceLog:
     findings = [_placed(log, alignment), *_odd_stretch(path, program, alignment)]
     return replace(log, key="path_mm", place=alignment.length, spread=np.nan_to_num(alignment.spread),
                    findings=(*log.findings, *findings))
+
+
+def promise_by_time(log: ForceLog, path: RobotPath) -> float:
+    """What a quick look tells of how well a log with time alone fits a path, 0 to 1. Raises as `place_by_time`, but CS3061."""
+    _check_times(log)
+    program = program_time(path)
+    if not program.time[-1] > 0:
+        return 0.0
+    span = float(log.place[-1] - log.place[0])
+    bins = int(np.clip(LOOK * span / max(program.period, 1e-3), *LOOKS))
+    return promise(program, binned(log.place, log.force, span / bins))
 
 
 def _check_times(log: ForceLog) -> None:

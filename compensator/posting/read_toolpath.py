@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.posting.beside import driving_beside
 from compensator.posting.post import post, read_cam_path
 from compensator.posting.settings import PostingSettings
 from compensator.posting.suffixes import APT_SUFFIXES, RAPID_SUFFIXES, TABLE_SUFFIXES, toolpath_suffix
@@ -60,10 +62,11 @@ def read_toolpath(file: str | Path, cell: Cell, settings: PostingSettings = AS_P
     if suffix not in RAPID_SUFFIXES:
         raise error("CS4201", f"toolpath format '{file.suffix}' is not read, expected one of "
                     f"{', '.join((*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLE_SUFFIXES))}",
-                    file=str(file), hint="write the toolpath as RAPID, as an APT cutter location file, or as a table")
+                    file=str(file), hint="a .pgf lists the modules of a job: compstiff post joins them" if suffix == ".pgf" else
+                    "write the toolpath as RAPID, as an APT cutter location file, or as a table")
     check_rapid(cell.robot, "this is a RAPID program", str(file))
     try:
-        text = read_rapid(file.read_bytes(), str(file))
+        text = read_rapid(file.read_bytes(), str(file), partial(driving_beside, file))
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(file)) from reason
     return PlannedProgram(text, np.zeros(len(text.toolpath), dtype=bool), file)

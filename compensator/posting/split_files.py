@@ -17,8 +17,17 @@ def split_files(
 ) -> tuple[dict[Path, bytes], tuple[int, ...], tuple[Finding, ...]]:
     """What to write, file -> bytes, the main module first; the targets of each part (empty: one module); findings.
 
-    Raises what `split_program` and `check_writable` raise, CS4310 where --split-load stands alone.
+    Raises what `split_program`, `separate` and `check_writable` raise, CS4310 where --split-load stands alone.
     """
+    if settings.modules:
+        if settings.split is not None:
+            raise error("CS4310", "--modules and --split do not go together: a program of several modules is none of one plain "
+                        "procedure", hint="leave one of them out")
+        from compensator.posting.modules import separate
+
+        files = separate(content, output)
+        check_writable(files, overwrite=overwrite)
+        return files, (), ()
     if settings.split is None:
         if settings.split_load:
             raise error("CS4310", "--split-load says how parts are loaded, and --split N is not given", hint="add --split N")

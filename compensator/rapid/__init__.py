@@ -7,11 +7,12 @@ from compensator.rapid.marks import Marks, marks_of, with_marks
 from compensator.rapid.moves import ARGUMENTS
 from compensator.rapid.program import RapidProgram
 from compensator.rapid.reader import read_rapid
+from compensator.rapid.reports import JOINED
 from compensator.rapid.statements import INLINE, UNIT
 from compensator.rapid.writer import Rewritten, rewrite
 
 __all__ = [
-    "ARGUMENTS", "INLINE", "POSITION_DECIMALS", "QUATERNION_DECIMALS", "UNIT", "Marks", "MoreMoves", "Pose", "RapidProgram",
-    "Rewritten", "follows_directly", "marks_of", "move_text", "read_rapid", "rewrite", "said_of_order", "with_marks",
-    "with_more_moves", "with_zones",
+    "ARGUMENTS", "INLINE", "JOINED", "POSITION_DECIMALS", "QUATERNION_DECIMALS", "UNIT", "Marks", "MoreMoves", "Pose",
+    "RapidProgram", "Rewritten", "follows_directly", "marks_of", "move_text", "read_rapid", "rewrite", "said_of_order",
+    "with_marks", "with_more_moves", "with_zones",
 ]

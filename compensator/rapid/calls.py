@@ -172,8 +172,8 @@ class _Run:
     def _move(self, first: int, stop: int) -> None:
         if stop <= first:
             return
-        if self.apart and self.driven:
-            self.uncounted.add((self.driven[-1].stop - 1, first))
+        if self.apart:
+            self.uncounted.add((self.driven[-1].stop - 1 if self.driven else -1, first))
         self.apart = False
         self.driven.append(Driven(first, stop, self.displaced, self.soft, self.start))
         self.length += stop - first

@@ -1,13 +1,15 @@
 """Tools and work objects that calls hand over: to a routine of this file, whose moves then name a parameter, or to one of
-another file, which may change them; and targets that calls hand over to a routine of another file, which drives there."""
+another file, which may change them; and calls of routines of another file, which may drive there."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
 
 from compensator.rapid.blocks import arguments
 from compensator.rapid.calls import LATE
 from compensator.rapid.expressions import Expr
+from compensator.rapid.instructions import INSTRUCTIONS
 from compensator.rapid.lexer import Token
 from compensator.rapid.moves import AXIS_OFFSET, DISPLACEMENT
 from compensator.rapid.runtime import HARMLESS, MOTION, Parameter
@@ -15,6 +17,7 @@ from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Names, Scope
 from compensator.rapid.uses import Uses
 
+Beside = Callable[[Iterable[str]], Mapping[str, str]]
 FRAMES = ("tooldata", "wobjdata")
 # Those of a robtarget: round all of it, its place, turn, configuration and external axes.
 TARGET_BRACKETS = 5
@@ -50,18 +53,36 @@ def handed_in(scan: Scan) -> dict[int, tuple[Expr, Scope]]:
     return {number: first[number] for number, data in given.items() if len(data) == 1 and -1 not in data}
 
 
-def drives_elsewhere(scan: Scan) -> dict[int, str]:
-    """Calls of routines that this file does not hold and that are given a target: they drive, and nobody here knows where. By
-    the offset of the call: its name as the text has it."""
-    source, found = scan.source, {}
+class Elsewhere(NamedTuple):
+    """A call of a routine that this file does not hold. name: as the text has it; target: whether it is given one, so that it
+    drives; file: the one beside this that holds it and in which it drives, "" where none was found."""
+
+    name: str
+    target: bool
+    file: str
+
+    @property
+    def drives(self) -> bool:
+        return self.target or bool(self.file)
+
+
+def called_elsewhere(scan: Scan, beside: Beside | None = None) -> dict[int, Elsewhere]:
+    """Calls of routines that this file does not hold and that are not the controller's own, by the offset of the call. beside:
+    the file that holds each of some routines (in lower case), and in which they drive."""
+    source, found = scan.source, dict[int, Elsewhere]()
     for routine in scan.bodies:
         for step in routine.steps:
             if step.kind != "call" or step.name in scan.routines or step.name in _USES or step.name in _SWITCHES or (
                     step.name in LATE or MOTION.fullmatch(step.name)):
                 continue
-            if any(_is_target(scan, part, routine.scope) for part in arguments(source, step)):
-                found[step.start] = source.text(step.start, step.start + len(step.name)).lstrip("%\"")
-    return found
+            target = any(_is_target(scan, part, routine.scope) for part in arguments(source, step))
+            if target or step.name not in INSTRUCTIONS:
+                written = source.data[step.start:step.end].lstrip(b'%"')[:len(step.name.encode(source.encoding, "replace"))]
+                found[step.start] = Elsewhere(written.decode(source.encoding, errors="replace"), target, "")
+    if beside is None or not found:
+        return found
+    holds = beside({call.name.lower() for call in found.values()})
+    return {offset: call._replace(file=holds.get(call.name.lower(), "")) for offset, call in found.items()}
 
 
 def _is_target(scan: Scan, part: list[Token], scope: Scope) -> bool:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from compensator.rapid.calls import runs_of
-from compensator.rapid.handed import drives_elsewhere
+from compensator.rapid.handed import Beside, Elsewhere, called_elsewhere
 from compensator.rapid.handed_targets import follow_calls
 from compensator.rapid.namesakes import tell_apart
 from compensator.rapid.program import RapidProgram
@@ -16,20 +16,22 @@ from compensator.rapid.reports import Places, report
 from compensator.rapid.rows import Rows, collect
 from compensator.rapid.runs import Runs, Taken
 from compensator.rapid.runtime import changing
+from compensator.rapid.scan import Scan
 from compensator.rapid.scanner import scan
 from compensator.rapid.tails import resolve_tails
 from compensator.rapid.text import Offsets, Source, decode, locate
 from compensator.rapid.unrolled import unroll
 from compensator.rapid.values import UNUSED, Values
-from compensator.toolpath import Move, Toolpath, Way
+from compensator.toolpath import Move, OtherFiles, Toolpath, Way
 from identification.common.arrays import held_once, nothing_or, read_only
 from identification.common.findings import counted
 
 _LARGEST_CONFDATA = 1e6         # anything beyond is no quadrant; it also keeps the conversion to integers defined
 
 
-def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
-    """Reads a RAPID program; `name` stands in findings as the file.
+def read_rapid(data: bytes, name: str = "program.mod", beside: Beside | None = None) -> RapidProgram:
+    """Reads a RAPID program; `name` stands in findings as the file. beside: of routines that it calls and does not hold those
+    in which a file beside it drives, and that file.
 
     Targets count in the order of the text: one for MoveL, MoveJ, MoveAbsJ, two for MoveC (circle point, destination).
     Raises CompstiffError for text no controller would load (CS2001 ... CS2005). What the text does not settle is NaN
@@ -43,7 +45,8 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     follow_calls(scanned, values)
     scanned.read_expressions()
     count = len(scanned.move)
-    runs = runs_of(scanned.bodies, count, values, scanned.routines, drives_elsewhere(scanned))
+    elsewhere = called_elsewhere(scanned, beside)
+    runs = runs_of(scanned.bodies, count, values, scanned.routines, {at for at, call in elsewhere.items() if call.drives})
     scope_of = _held(scanned.scopes, count)
     rows = collect(scanned, values, scope_of)
     _check_size(source, rows)
@@ -80,7 +83,7 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     offset = np.array([on for _, on in scanned.offsets])[_held(scanned.offsets, count)] & ~np.isnan(external).all(axis=1)
     together = np.array([tail.together for tail in scanned.tails] or [False])[tails.tail]
     places = Places(source, line, column)
-    block, findings = report(scanned, values, rows, tails, places, off, displaced, soft, offset)
+    block, findings = report(scanned, values, rows, tails, places, off, displaced, soft, offset, elsewhere)
     block = held_once(block)
     toolpath = Toolpath(
         source=name, move=move, line=line, column=column, position=position, quaternion=quaternion,
@@ -88,7 +91,7 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
         external=nothing_or(external), joints=nothing_or(joints), tool=tails.tool, workobject=tails.workobject,
         feed=tails.feed, zone=tails.zone, block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
         switched=tuple(scanned.units), together=together if together.any() else None, driven=runs.order,
-        ways=_ways(source, runs), uncounted=runs.uncounted,
+        ways=_ways(source, runs), uncounted=runs.uncounted, others=_others(scanned, elsewhere),
     )
     read_only(position, quaternion, toolpath.external, toolpath.joints, line, column, block, toolpath.confdata, has_confdata)
     return RapidProgram(toolpath, source, scanned, values, rows, runs)
@@ -109,6 +112,17 @@ def _ways(source: Source, runs: Runs) -> tuple[Way, ...]:
     return () if len(runs.ways) < 2 else tuple(
         Way(way.order, tuple(_taken(source, branch) for branch in way.taken), way.stated,
             tuple(branch.turns for branch in way.taken)) for way in runs.ways)
+
+
+def _others(scanned: Scan, elsewhere: Mapping[int, Elsewhere]) -> OtherFiles:
+    """What of the program stands in other files, as far as this one shows it."""
+    lines = locate(scanned.source, list(elsewhere))[0].tolist() if elsewhere else []
+    known = dict[str, int]()
+    for line, call in zip(lines, elsewhere.values(), strict=True):
+        if not call.drives:
+            known.setdefault(call.name, line)
+    return OtherFiles(any(routine.name == "main" for routine in scanned.bodies) or not scanned.bodies,
+                      tuple(f"{name} (line {line})" for name, line in known.items()))
 
 
 def _taken(source: Source, branch: Taken) -> str:

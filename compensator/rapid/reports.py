@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.rapid.handed import drives_elsewhere, handed_out
+from compensator.rapid.handed import Elsewhere, handed_out
 from compensator.rapid.quaternions import SLIGHT, UNUSABLE
 from compensator.rapid.rows import Rows
 from compensator.rapid.scan import Scan
@@ -21,6 +21,8 @@ from identification.common.findings import Finding, Level, counted
 
 Mask = NDArray[np.bool_]
 
+# What `post` writes before each module that it joins.
+JOINED = b"! compstiff module: "
 _CELL = "it is taken from cell.yaml; check that it is the one there"
 
 
@@ -47,11 +49,11 @@ class Places:
 
 def report(
     scan: Scan, values: Values, rows: Rows, tails: Tails, places: Places, off: Array, displaced: Mask, soft: Mask,
-    axes_offset: Mask
+    axes_offset: Mask, elsewhere: Mapping[int, Elsewhere]
 ) -> tuple[NDArray[np.object_], tuple[Finding, ...]]:
     """Reasons (N,) and findings. off (N,): how far the quaternion's sum of squares is off 1; displaced (N,): a program
     displacement is on; soft (N,): a soft servo is; axes_offset (N,): the target drives an external axis while an offset of
-    these is on."""
+    these is on; elsewhere: calls of routines that this file does not hold."""
     block = np.full(len(off), "", dtype=object)
     findings = [*_unsettled(rows, places, block), *_looped(scan, rows, places, block), *_called(scan, places, block)]
     findings += _quaternions(tails, places, off, block)
@@ -61,7 +63,7 @@ def report(
     findings += _handed(scan, tails, places)
     findings += _forgotten_object(scan, tails, places)
     findings += _unknown(scan, tails, places)
-    findings += _others(scan, places)
+    findings += _others(scan, places, elsewhere)
     return block, tuple(findings)
 
 
@@ -259,7 +261,7 @@ def _unknown(scan: Scan, tails: Tails, places: Places) -> list[Finding]:
     return findings
 
 
-def _others(scan: Scan, places: Places) -> list[Finding]:
+def _others(scan: Scan, places: Places, elsewhere: Mapping[int, Elsewhere]) -> list[Finding]:
     offsets: dict[str, list[int]] = {}
     for name, offset in scan.others:
         if name not in scan.routines:               # a routine of the program may have such a name: its moves are read
@@ -269,20 +271,40 @@ def _others(scan: Scan, places: Places) -> list[Finding]:
                       "are neither counted nor corrected", at, "cut with MoveL, MoveC or MoveJ if they are to be corrected")
         for name, at in offsets.items()
     ]
-    elsewhere: dict[str, list[int]] = {}
-    for offset, name in drives_elsewhere(scan).items():
-        elsewhere.setdefault(name, []).append(offset)
+    given: dict[str, list[int]] = {}
+    for offset, call in elsewhere.items():
+        if call.target and not call.file:
+            given.setdefault(call.name, []).append(offset)
     findings += [
-        places.offset("CS2016", "warning", f"{name} is a routine of another file, and is given a target: where it drives is "
-                      "not known, and nothing of it is counted or corrected", at, "put the routine into this file if it is to "
-                      "be corrected; a log by path length cannot be followed behind it, one by target or positions can")
-        for name, at in elsewhere.items()]
+        places.offset("CS2016", "warning", f"{name} is a routine of another file, and is given a target: where it drives "
+                      "is not known, and nothing of it is counted or corrected", at, "put the routine into this file if it is "
+                      "to be corrected; a log by path length cannot be followed behind it, one by target or positions can")
+        for name, at in given.items()]
+    beside = {offset: call for offset, call in elsewhere.items() if call.file}
+    if beside:
+        findings.append(_beside(places, beside))
     if len(scan.modules) > 1:
         findings.append(places.offset(
-            "CS2051", "warning", f"the file holds {len(scan.modules)} modules: their targets are counted one module after the "
-            "other, and their tools and work objects are all used", scan.modules[1:2],
-            "a controller loads one module a file: save each as a file of its own, with its own force log"))
+            "CS2051", "note" if JOINED in scan.source.data else "warning", f"the file holds {len(scan.modules)} modules: "
+            "their targets are counted one module after the other, and their tools and work objects are all used",
+            scan.modules[1:2],
+            "a controller loads one module a file: correct with --modules writes each in a file of its own"))
     if scan.stray >= 0:
         findings.append(places.offset("CS2030", "warning", "the text from here to the end of the file is no RAPID statement "
                                       "and was skipped", [scan.stray], "check that the file is complete"))
     return findings
+
+
+def _beside(places: Places, calls: Mapping[int, Elsewhere]) -> Finding:
+    """What is said of calls of routines in which files beside this one drive."""
+    names, files = (list(dict.fromkeys(parts)) for parts in zip(*((call.name, call.file) for call in calls.values()),
+                                                               strict=True))
+    shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    held = ", ".join(files[:3]) + (f" and {len(files) - 3} more" if len(files) > 3 else "")
+    own = re.split(r"[\\/]", places.source.name)[-1]
+    listed = " ".join([own, *files[:3], *(["..."] if len(files) > 3 else [])])
+    return places.offset(
+        "CS2016", "warning", f"{shown} in {held}, beside this file, {'drive' if len(names) > 1 else 'drives'}: "
+        "nothing of that is counted or corrected here", sorted(calls),
+        f"for a log of the whole job join its modules: compstiff post CELL {listed} -o job.mod; then correct job.mod with "
+        "--modules, which writes them one by one again. A log of this file alone: as it is")

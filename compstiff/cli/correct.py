@@ -18,6 +18,7 @@ from compstiff.cli.options import (
     FORCE_OPTIONS,
     LEARNED_OPTIONS,
     LOG_OPTIONS,
+    MODULE_OPTIONS,
     OTHER_LOG,
     POSTING_OPTIONS,
     SPLITTING_OPTIONS,
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
               "unless --predict-force]")
 @click.option("-o", "--output", required=True, type=TEXT_PATH, help="The corrected program to write; of several a folder.")
 @with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS, *CORRECTION_OPTIONS, *CUT_OPTIONS, *LEARNED_OPTIONS, *FORCE_OPTIONS,
-               *FEED_OPTIONS, *SPLITTING_OPTIONS)
+               *FEED_OPTIONS, *SPLITTING_OPTIONS, *MODULE_OPTIONS)
 @click.option("--report", type=PATH, help="Also write an HTML report.")
 @option("Output", "--offsets", type=PATH, help="Also write the offsets, one row a target (CSV).")
 @option("Output", "--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Of several, so many at a time.")
@@ -65,6 +66,8 @@ def correct(
     With --predict-force a program has part.stock.yaml beside it, in place of a log or to hold the log against.
     Then OUTPUT, --offsets and --report are folders, and --json prints one line a program. --jobs, --shard and --scheduler
     share them out (docs/cluster.md).
+
+    One log of a job of several modules: join them with post, correct that, and --modules writes each in its own file again.
     """
     if is_batch(toolpath_files, output):
         if settings.log.other_forces or settings.correction.first_forces:
@@ -121,4 +124,4 @@ def _parts_of(outputs: Outputs) -> str:
     import json
 
     parts = [part["file"] for part in json.loads(outputs.record.read_bytes())["parts"]]
-    return f" and its parts {parts[0]} ... {parts[-1]}" if parts else ""
+    return f" and its parts {parts[0]}{f' ... {parts[-1]}' if len(parts) > 1 else ''}" if parts else ""

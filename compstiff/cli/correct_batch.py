@@ -37,7 +37,10 @@ def correct_batch(
         if path and path.exists() and not path.is_dir():
             several = len(programs) > 1 or programs[0].is_dir()
             where = "Of several programs" if several else f"Where -o is a folder ({folders.output})"
-            raise click.UsageError(f"'{path}' is a file. {where}, {option} names a folder.")
+            job = (f" Is it the log of a whole job of these modules? Join them: compstiff post CELL {programs[0]} "
+                   f"{programs[1] if len(programs) > 1 else 'OTHER.mod'} ... -o job.mod, then correct job.mod with --modules."
+                   if option == "--forces" else "")
+            raise click.UsageError(f"'{path}' is a file. {where}, {option} names a folder.{job}")
     from compstiff import Finding, correct_programs, paired
     from compstiff.batch.pairing import share_of
     from compstiff.batch.programs import programs_of, worst

@@ -116,7 +116,8 @@ def design(
     json_bytes(content)             # what JSON cannot say stops it before anything is written
     write_whole(files, overwrite=session.overwrite, read=session.read)
     filled = output.with_name("measurements.csv")
-    following = f"save it as {filled}, then " + call("identify", cell_file, filled, "-o", "stiffness.json")
+    following = f"save it as {filled}, then " + call("identify", cell_file, filled, "-o",
+                                                           output.with_name("stiffness.json"))
     if measured_file:
         again = call("diagnose", cell_file, measured_file, "-o", "diagnosis.json")
         following = f"append the rows to {measured_file}, then {again}"

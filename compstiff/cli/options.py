@@ -185,6 +185,10 @@ SPLITTING_OPTIONS: tuple[Decorator, ...] = (
     _output("--split-load", is_flag=True, help="Load the parts one after the other, in place of all at once."),
     _output("--mark", metavar="SIGNAL", help="Moves switch this output at their targets, for the log's column mark."),
 )
+# A job's modules, corrected as one program: `correct` alone.
+MODULE_OPTIONS: tuple[Decorator, ...] = (
+    _output("--modules", is_flag=True, help="Of a program of several modules (post joins them): a file of each."),
+)
 # How the program is corrected: `correct` alone.
 CORRECTION_OPTIONS: tuple[Decorator, ...] = (
     _correction("--confidence", type=click.FloatRange(0.5, 0.999), default=DEFAULTS.correction.confidence, show_default=True,

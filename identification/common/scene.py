@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 # From where pictures look, as scene.js does at first.
 FROM = np.array([0.62, -0.68, 0.5])
 WIDTH, HEIGHT, EDGE = 920.0, 460.0, 34.0
-# Of names in a picture: a letter, a row [px].
-LETTER, ROW = 6.8, 15.0
+# Of names in a picture: a letter, a row, a dot [px].
+LETTER, ROW, DOT = 6.8, 15.0, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +66,10 @@ def stroke(name: str, width: float, x: Array, y: Array) -> Markup:
 
 
 def named_places(x: Array, y: Array, names: Sequence[str]) -> list[Markup]:
-    """Dots at x, y (n,) [px] with their names above them, higher where another name stands already, below where there is no
+    """Dots at x, y (n,) [px] with their names above them, higher where another name or dot stands, below where there is no
     room; NaN is none."""
     parts, signs = [], list[tuple[float, float, float]]()
+    dots = [(across, down) for across, down in zip(x.tolist(), y.tolist(), strict=True) if np.isfinite(across)]
     for across, down, name in zip(x.tolist(), y.tolist(), names, strict=True):
         if not np.isfinite(across):
             continue
@@ -77,7 +78,8 @@ def named_places(x: Array, y: Array, names: Sequence[str]) -> list[Markup]:
 
         def free(foot: float, middle: float = middle, half: float = half) -> bool:
             return ROW <= foot <= HEIGHT and all(
-                abs(foot - other) >= ROW or abs(middle - beside) >= half + wide for beside, other, wide in signs)
+                abs(foot - other) >= ROW or abs(middle - beside) >= half + wide for beside, other, wide in signs) and not any(
+                foot - ROW < below < foot + DOT and abs(middle - beside) < half + DOT for beside, below in dots)
 
         places = [down - 9 - 0.5 * ROW * k for k in range(60)] + [down + 9 + ROW + 0.5 * ROW * k for k in range(60)]
         foot = next((foot for foot in places if free(foot)), down - 9)

@@ -6,6 +6,7 @@ import csv
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import click
 import numpy as np
@@ -18,6 +19,7 @@ from compstiff.cli.diagnose import diagnose
 from identification.common.findings import CompstiffError
 from identification.design.discrimination import Diagnosed
 from identification.design.domain import Domain
+from identification.design.forecast import Forecast
 from identification.design.information import instrument
 from identification.design.kept_back import distances
 from identification.design.loads import slot
@@ -50,6 +52,15 @@ def written(tmp_path_factory):
                  folder / "plan.html", "--json")
     assert result.exit_code == 0, result.output
     return folder, json.loads(result.stdout)
+
+
+def test_few_of_the_causes_that_are_not_told_apart_are_named():
+    alike = [SimpleNamespace(grade="detectable", alike=("base_rocking",), entry=SimpleNamespace(label=f"uneven_gear_{k}"))
+             for k in range(20)]
+    many, few = (Forecast((), tuple(alike[:count]), {}, (), (), ()).cause_lines() for count in (20, 6))
+    assert [line for line in many if line.startswith("  and ")] == [
+        "  and 14 more: compstiff diagnose --plan has them all"]
+    assert len(many) == len(few) + 1
 
 
 def test_a_script_gets_what_the_command_writes(written, tmp_path):

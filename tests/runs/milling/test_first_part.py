@@ -14,6 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from compensator.correction.files import Inputs, predict_files
+from compensator.correction.first_screen import keys_of, steps_of
 from compensator.correction.settings import Settings
 from compensator.cutting.cut import cut_of
 from compensator.cutting.stock_file import read_npz
@@ -155,6 +156,52 @@ def test_a_log_beside_the_stock(shop: Shop, fitted: dict[str, Any], tmp_path: Pa
     # So light a change of the feed may be told as one of two causes, the true one first.
     assert said[0]["code"] in code.split()
     assert words in said[0]["message"]
+
+
+def test_a_log_that_is_read_wrongly_is_told_beside_the_stock(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
+    """A sensor turned by a quarter about the tool's axis shows a force that some cutter may feel, and not this one here."""
+    assert fitted["grades"]
+    head, *rows = shop.b.log(shop.b.first, shop.b.planned, "turned.csv").read_text().splitlines()
+    assert head.endswith("fx_n,fy_n,fz_n")
+    turned = [f"{','.join(cells[:-3])},{-float(cells[-2])},{cells[-3]},{cells[-1]}" for cells in (
+        row.split(",") for row in rows[::4])]
+    (tmp_path / "turned.csv").write_text("\n".join([head, *turned]) + "\n")
+    done = kit.run("predict", shop.cell, shop.b.program, "--stiffness", shop.stiffness, "--forces", tmp_path / "turned.csv",
+                   "--tare", "0:2", "--predict-force", shop.folder / "log.json", "--stock", shop.stocks[1], "-o",
+                   tmp_path / "d.csv", "--json")
+    assert done.code == 0, done
+    findings = {finding["code"]: finding["message"] for finding in json.loads(done.out)["findings"]}
+    assert "with the columns fy_n fx_n fz_n in this order, with y turned over" in findings["CS4750"]
+    assert not findings.keys() & {"CS3068", "CS3069", "CS3074", "CS3078", "CS3125"}
+
+
+def test_what_another_stock_or_cutter_would_mean_is_said(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
+    """About what comes out with the stock moved and with a thicker cutter; on the terminal and in the report."""
+    kept = json.loads((shop.folder / "log.json").read_text())
+    assert kept["mean"] == fitted["mean"]
+
+    def said(name: str, stock: Path, diameter: int = 16) -> tuple[Any, np.ndarray]:
+        cell = shop.cell.with_name(f"{name}.yaml")
+        cell.write_text(shop.cell.read_text().replace("tool_diameter_mm: 16", f"tool_diameter_mm: {diameter}"))
+        coefficients = kept | {"cutter": kept["cutter"] | {"diameter_mm": diameter}}
+        (tmp_path / f"{name}.json").write_text(json.dumps(coefficients))
+        found = predict_files(Inputs(cell, shop.b.program, shop.stiffness, None), Settings.of(
+            predict_force=tmp_path / f"{name}.json", stock=stock))
+        known = np.full((len(found.path.toolpath), 3), np.nan)
+        known[found.targets] = 1e6 * found.prediction.position
+        return found, known
+
+    found, here = said("right", shop.stocks[1])
+    told = found.another
+    assert told.words in "".join(found.lines())
+    assert "were the stock 1 mm aside" in [key.label for key in keys_of(found, None)]
+    # The command to copy names coefficients and stock, and no log: there is none.
+    commands = [step.command for step in steps_of(found, None, None)]
+    assert all("--predict-force" in command and "--forces" not in command for command in commands)
+    for stated, changed in ((0.5 * told.aside, said("aside", stock_file(shop.b.part, tmp_path / "m.npz", aside_mm=0.5))),
+                            (told.thicker, said("thick", shop.stocks[1], diameter=17))):
+        other = np.linalg.norm(changed[1] - here, axis=1)
+        assert 0.6 < stated / rms(other[np.isfinite(other)]) < 1.7
 
 
 @pytest.mark.parametrize(("words", "code"), [
