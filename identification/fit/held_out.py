@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.fitted_model import response
+from identification.fit.fitted_model import predicted_deflection, response
 from identification.fit.posterior import Posterior
 from identification.measurements import Measurements
 
@@ -32,7 +32,8 @@ def _names(rows: Measurements) -> NDArray[np.str_]:
 
 
 def left_out(model: Posterior, groups: NDArray[np.intp]) -> Array:
-    """Residual (n, 3) [m] of every row, predicted by the model fitted without the row's group (linearised at its MAP)."""
+    """Residual (n, 3) [m] of every row, predicted by the model fitted without the row's group: fitted by one step from its MAP.
+    With effects that step is predicted in full: a law that has corners, as play, has no slope there that holds beyond them."""
     at, prior = model.at_map, model.prior
     position, slope = response(model.data, model.map, model.terms)
     residual = model.data.rows.deflection - position
@@ -45,4 +46,10 @@ def left_out(model: Posterior, groups: NDArray[np.intp]) -> Array:
     pulled = np.array([carried[g].reshape(-1, parameters).T @ readings[g].reshape(-1) for g in each])
     step = np.linalg.solve(information.sum(axis=0) - information + precision,
                            (pulled.sum(axis=0) - pulled - prior.gradient(model.map))[:, :, None])[:, :, 0]
-    return np.asarray(residual - np.einsum("nij,nj->ni", slope, step[groups]))
+    if not model.terms:
+        return np.asarray(residual - np.einsum("nij,nj->ni", slope, step[groups]))
+    for group in range(len(each)):
+        mine, x = groups == group, prior.inside(model.map + step[group])
+        rows = model.data.with_rows(model.data.rows.select(mine))
+        residual[mine] = rows.rows.deflection - predicted_deflection(rows, x, model.terms)
+    return np.asarray(residual)

@@ -1,15 +1,22 @@
-"""Poses that were not fitted: predicted by one linear step as by a fit that never saw them."""
+"""Poses that were not fitted: predicted by one step as by a fit that never saw them."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from identification.common.arrays import rms
+from identification.fit.fitted_model import Term
 from identification.fit.held_out import left_out, pose_names, poses
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import Posterior, posterior
+from identification.measurements import read_measurements
+from identification.model.cell import read_cell
 from identification.model.compliance import equilibrium
+from identification.model.law_of import known
 from tests.identification.fit.test_laws_posterior import NOISY, simulate
+from tests.virtual_cell.cell import Hidden
+from tests.virtual_cell.cell import simulate as simulated
 
 NARROW = NOISY + "prior: {relative_std: [0.2, 0.2, 0.2, 0.2, 0.2, 0.2]}\n"
 
@@ -31,6 +38,26 @@ def test_a_pose_left_out_is_predicted_as_by_a_fit_without_it(tmp_path, text: str
         inside = rows.deflection[out] - predicted(whole, model)[out]
         moved = np.sqrt(np.mean((refitted - inside) ** 2))
         assert np.sqrt(np.mean((held[out] - refitted) ** 2)) < 0.3 * moved, number
+
+
+def test_a_law_with_corners_is_predicted_in_full(tmp_path) -> None:
+    """A tool that rattles: the slope by the axis of its play, at the corner on which a fit comes to rest, holds nowhere beside
+    it, and a straight line along it was off by eight times what a fit without the pose is."""
+    cell_file, table = simulated(4, "ladder12", (Hidden("tool_play", None, 1.5),)).write(tmp_path)
+    cell = read_cell(cell_file)
+    data = LoadTest.of(cell, read_measurements(table, cell.robot))
+    law = known("tool_play.held")
+    assert law is not None
+    state = data.load_state(1 / cell.prior.stiffness)
+    neutral, typical = law.neutral(state), law.typical(state, None)
+    start = np.where(np.arange(len(neutral)) == 0, typical, np.pi / 4)
+    model = posterior(data, [Term(law, None, start, typical, neutral)], posterior(data))
+    groups = poses(data.rows)
+    held = left_out(model, groups)
+    for number in (5, 10):      # the first is the one that the slope was most off for
+        out = groups == number
+        rest = posterior(data.with_rows(data.rows.select(~out)), model.terms, model)
+        assert rms(held[out]) == pytest.approx(rms(rest.residual_of(data.with_rows(data.rows.select(out)))), rel=0.05), number
 
 
 def predicted(data: LoadTest, model: Posterior) -> np.ndarray:
