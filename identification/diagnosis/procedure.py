@@ -20,6 +20,7 @@ from identification.diagnosis.judgement import Judgement, Rival
 from identification.diagnosis.naming import CERTAIN, credible, inclusion, kindred, only_local, with_open_laws
 from identification.diagnosis.odds import (
     CERTAINLY,
+    NO_LIKELIER,
     POSSIBLE,
     THAN_SET_UPS,
     certain,
@@ -311,18 +312,26 @@ class Procedure:
         if len(names) < 2:
             return self.unknown(judgement, seen, judgement.detection)
         odds = log_odds(judgement, len(seen.dictionary.entries))
-        if judgement.detection.p_value > self.alarm:
-            least = np.inf if only_local(seen, best) else least_odds(judgement.plain)
-            doubt = doubt_of(judgement.detection, odds, least) or doubt_by(
-                judgement.detection, gain(self.data, judgement.plain, judgement.extended, self.rng))
-            if doubt:
-                return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in names[:NEAREST]})
+        doubt = self.doubt_of_all(judgement, seen, best, odds)
+        if doubt:
+            return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in names[:NEAREST]})
         rivals = rivals_of(judgement.plain.data, seen, judgement.extended)
         candidates = with_their_laws(rivals)
         difference = robot_difference([model for model, _ in rivals.values()])
         return replace(judgement, verdict="ambiguous", alternatives=names, log_odds=odds, robot_difference=difference,
                        next_loads=next_loads(rivals, self.rng), rivals=candidates[1:],
                        carried=candidates[0].fitted if candidates else None)
+
+    def doubt_of_all(self, judgement: Judgement, seen: Survey, best: Hypothesis, odds: float) -> str:
+        """Why what is left open may be nothing, in words, "" where it may not. odds: ln, of the best set against nothing."""
+        # All of them together: many that are alike may each be less likely than nothing.
+        if odds < np.log(max(best.probability, 1e-300)):
+            return NO_LIKELIER
+        if judgement.detection.p_value <= self.alarm:
+            return ""
+        least = np.inf if only_local(seen, best) else least_odds(judgement.plain)
+        return doubt_of(judgement.detection, odds, least) or doubt_by(
+            judgement.detection, gain(self.data, judgement.plain, judgement.extended, self.rng))
 
 
 def sound(judgement: Judgement) -> bool:

@@ -132,13 +132,14 @@ class Open:
 
 
 @pytest.mark.parametrize(("p_value", "odds", "support", "local", "verdict"), [
-    (0.02, -1.0, -9.0, False, "ambiguous"), (0.2, 7.0, 4.0, False, "ambiguous"), (0.2, 6.8, 4.0, False, "unknown"),
-    (0.2, 7.0, 2.0, False, "unknown"), (0.2, 50.0, 50.0, True, "unknown")])
-def test_several_names_without_an_alarm_need_what_one_needs(
+    (0.02, -0.6, -9.0, False, "ambiguous"), (0.02, -0.8, 9.0, False, "unknown"), (0.2, 7.0, 4.0, False, "ambiguous"),
+    (0.2, 6.8, 4.0, False, "unknown"), (0.2, 7.0, 2.0, False, "unknown"), (0.2, 50.0, 50.0, True, "unknown")])
+def test_several_names_need_what_one_needs(
     monkeypatch: pytest.MonkeyPatch, p_value: float, odds: float, support: float, local: bool, verdict: str,
 ) -> None:
     """A thousand to one against nothing (ln 6.9), and readings that were not fitted twenty times likelier (ln 3); what touches
-    one pose alone an alarm. The likeliest goes on, with the others beside that have 95 % together with it."""
+    one pose alone an alarm, and with an alarm all together (the best has half of it: ln 2) are to be likelier than nothing. The
+    likeliest goes on, with the others beside that have 95 % together with it."""
     names = tuple(SimpleNamespace(label=label) for label in "abcd")
     fits = {label: (label, share) for label, share in zip("abcd", (0.5, 0.3, 0.16, 0.04), strict=True)}
     for name, answer in (("credible", names), ("inclusion", names), ("only_local", local), ("log_odds", odds),
@@ -150,7 +151,8 @@ def test_several_names_without_an_alarm_need_what_one_needs(
     judgement: Any = Open(SimpleNamespace(p_value=p_value, resolution=0.005, seen_patterns=()),
                           SimpleNamespace(terms=("a",)), SimpleNamespace(components=VarianceComponents(), data=None))
     nothing: Any = None
-    found: Any = Procedure(nothing, {}, 0.05, 10, 0).ambiguous(judgement, seen, nothing)
+    best: Any = SimpleNamespace(probability=0.5)
+    found: Any = Procedure(nothing, {}, 0.05, 10, 0).ambiguous(judgement, seen, best)
     assert found.verdict == verdict
     if verdict == "ambiguous":
         assert found.log_odds == odds
