@@ -10,8 +10,8 @@ import numpy as np
 from identification.design.domain import random_pool
 from identification.design.exchange import many_exchanges
 from identification.design.forecast import spread
-from identification.design.own_weight import stated_covariance
 from identification.design.search import Design, Effort, best_refined
+from identification.design.stated_covariance import stated_covariance
 from identification.design.task import Task
 
 EFFORT = Effort(poses=2000, exchanges=30, refinements=6)

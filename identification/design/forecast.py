@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from identification.common.quantities import two_sigma
 from identification.design.domain import Pool
 from identification.design.exchange import exchange
-from identification.design.own_weight import stated_covariance
 from identification.design.search import Design
 from identification.design.sheet import Sheet, as_measurements
+from identification.design.stated_covariance import stated_covariance
 from identification.design.task import Demand
 from identification.diagnosis.plan import Outlook, judge_plan, not_told_apart
 from identification.fit.identifiability import RELIABLE_LOG_STD, TRADE_OFF, UNSEEN_SHRINKAGE

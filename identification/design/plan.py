@@ -12,11 +12,11 @@ from identification.design.causes import ByCauses
 from identification.design.comparison import Comparison
 from identification.design.discrimination import Discrimination
 from identification.design.forecast import Forecast
-from identification.design.own_weight import stated_covariance
 from identification.design.program import RapidProgram, rapid_program
 from identification.design.request import Prepared
 from identification.design.search import Design
 from identification.design.sheet import Sheet, sheet_text
+from identification.design.stated_covariance import stated_covariance
 from identification.design.unseen import Sideways
 from identification.model.controller import check_rapid
 

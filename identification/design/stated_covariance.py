@@ -1,4 +1,5 @@
-"""What the arm's own weight leaves of a plan's information where the robot file does not state it.
+"""What a plan will tell, as `identify` will state it: less what the arm's own weight takes where the robot file does not state
+it, and no better than the scale of the load cell.
 
 `identify` integrates it out (fit/sag.py), so a forecast of what it will state has to: with the columns S of the weight, each of
 1 sigma, and D of ln c, the rows' information on ln c shrinks by `D^T W S (S^T W S + 1)^-1 S^T W D`. The criterion and its
@@ -25,7 +26,11 @@ Array = NDArray[np.float64]
 
 def stated_covariance(task: Task, runs: Pool) -> Array:
     """Covariance (6, 6) of ln c after the runs as `identify` will state it."""
-    return np.asarray(np.linalg.inv(task.information(runs) - _taken(task, runs)))
+    information = task.information(runs) - _taken(task, runs)
+    covariance = np.linalg.inv(information)
+    # As far as the rows tell a compliance, it is off with their scale (fit/force_gain.py).
+    moved = task.domain.rig.cell.noise.force_gain * covariance @ (information - task.prior).sum(axis=1)
+    return np.asarray(covariance + np.outer(moved, moved))
 
 
 def _taken(task: Task, runs: Pool) -> Array:
