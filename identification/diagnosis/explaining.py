@@ -14,6 +14,7 @@ from identification.diagnosis.naming import LIKELIER, Named, converged, with_pla
 from identification.diagnosis.search import Hypothesis, log_prior
 from identification.fit.misfit import GRANTED_AFTER_NAMING, beyond_stated
 from identification.fit.mistakes.evidence import log_evidence, under_ordinary_noise
+from identification.fit.noise import SENSOR
 from identification.fit.posterior import Posterior
 from identification.model.effects import Effect
 
@@ -23,6 +24,8 @@ INADEQUATE = 0.005
 SET_UP_ANEW = 3.0
 # ln of how much likelier other causes must be than ones that explain the rows: real laws are none of the dictionary's.
 FAR_LIKELIER = 10.0
+# Or sensors that scatter by so many times what is stated, with 95 % confidence: data sheets are seldom off by as much.
+LOUDER, ONE_SIDED_95 = 1.5, 1.645
 # So may sensors that remember so many times what is usual, and tails so heavy.
 REMEMBERS, HEAVY = 10.0, 3.0
 MOST_CAUSES = 3
@@ -121,3 +124,9 @@ class Explaining:
 def strained(fitted: Posterior) -> bool:
     """Whether parts of the noise that need not be there are large beside the causes: there may be likelier ones."""
     return fitted.components.setup > SET_UP_ANEW or fitted.components.memory > REMEMBERS or fitted.components.degrees <= HEAVY
+
+
+def louder(fitted: Posterior) -> bool:
+    """Whether the sensors scatter by far more than is stated: there may be something beside their noise."""
+    least = fitted.components.sensor * float(np.exp(-ONE_SIDED_95 * fitted.components_log_std[SENSOR]))
+    return bool(fitted.at_map.noise.stated[SENSOR]) and least > LOUDER

@@ -12,7 +12,7 @@ from identification.diagnosis.blocks import in_blocks
 from identification.diagnosis.detect import REPLICATES, Detection, goodness_of_fit
 from identification.diagnosis.discrimination import Rivals, next_loads, rivals_of, robot_difference
 from identification.diagnosis.explained import explained
-from identification.diagnosis.explaining import INADEQUATE, SET_UP_ANEW, Explaining, strained
+from identification.diagnosis.explaining import INADEQUATE, SET_UP_ANEW, Explaining, louder, strained
 from identification.diagnosis.extended_model import with_free_laws
 from identification.diagnosis.gain import gain
 from identification.diagnosis.gross import bad_rows, with_crowded
@@ -199,12 +199,12 @@ class Procedure:
                               left_out={name: why for name, why in missing.items() if why})
         if detection.p_value <= self.alarm or judgement.scatter:
             return self.named(judgement)
-        far, anew = far_off(plain), strained(plain)
-        if detection.p_value <= LOOKED_AT or far > FAR_OFF or anew:
+        far, odd = far_off(plain), strained(plain) or louder(plain)
+        if detection.p_value <= LOOKED_AT or far > FAR_OFF or odd:
             found = self.named(judgement)
             if found.log_odds is not None and found.log_odds >= least_odds(plain):
                 return found
-            if (far > FAR_OFF or anew) and found.verdict == "mistake":
+            if (far > FAR_OFF or odd) and found.verdict == "mistake":
                 return found
             if far > FAR_OFF:
                 return found.as_unknown((FAR_IN_WORDS.format(far), *found.patterns))

@@ -30,23 +30,28 @@ class Said:
         return replace(self, verdict="unknown", patterns=patterns)
 
 
-@pytest.mark.parametrize(("far", "p_value", "setup", "named", "verdict"), [
-    (1.0, 0.2, 0.0, Said("mistake"), "adequate"), (1.4, 0.6, 0.0, Said("mistake"), "mistake"),
-    (1.4, 0.6, 0.0, Said("named"), "unknown"),
-    (1.0, 0.2, 0.0, Said("named", 3.0), "adequate"), (1.0, 0.2, 0.0, Said("named", 7.0), "named"),
-    (1.4, 0.2, 0.0, Said("named", 7.0), "named"), (1.0, 0.2, 0.0, Said("ambiguous", 7.0), "ambiguous"),
-    (1.0, 0.04, 0.0, Said("mistake"), "mistake"), (1.0, 0.6, 0.0, Said("named", 9.0), "adequate"),
-    (1.0, 0.6, 4.0, Said("named", 5.0), "named"), (1.0, 0.6, 4.0, Said("named", 4.0), "adequate"),
-    (1.0, 0.6, 4.0, Said("mistake"), "mistake"), (1.0, 0.6, 2.0, Said("mistake"), "adequate")])
+@pytest.mark.parametrize(("far", "p_value", "setup", "sensor", "named", "verdict"), [
+    (1.0, 0.2, 0.0, 1.0, Said("mistake"), "adequate"), (1.4, 0.6, 0.0, 1.0, Said("mistake"), "mistake"),
+    (1.4, 0.6, 0.0, 1.0, Said("named"), "unknown"),
+    (1.0, 0.2, 0.0, 1.0, Said("named", 3.0), "adequate"), (1.0, 0.2, 0.0, 1.0, Said("named", 7.0), "named"),
+    (1.4, 0.2, 0.0, 1.0, Said("named", 7.0), "named"), (1.0, 0.2, 0.0, 1.0, Said("ambiguous", 7.0), "ambiguous"),
+    (1.0, 0.04, 0.0, 1.0, Said("mistake"), "mistake"), (1.0, 0.6, 0.0, 1.0, Said("named", 9.0), "adequate"),
+    (1.0, 0.6, 4.0, 1.0, Said("named", 5.0), "named"), (1.0, 0.6, 4.0, 1.0, Said("named", 4.0), "adequate"),
+    (1.0, 0.6, 4.0, 1.0, Said("mistake"), "mistake"), (1.0, 0.6, 2.0, 1.0, Said("mistake"), "adequate"),
+    (1.0, 0.6, 0.0, 1.8, Said("mistake"), "mistake"), (1.0, 0.6, 0.0, 1.7, Said("mistake"), "adequate"),
+    (1.0, 0.6, 0.0, 1.8, Said("named", 7.0), "named"), (1.0, 0.6, 0.0, 1.8, Said("named", 5.0), "adequate")])
 def test_what_is_looked_for_without_an_alarm_is_said_where_it_is_likely_or_needed(
-    monkeypatch: pytest.MonkeyPatch, far: float, p_value: float, setup: float, named: Said, verdict: str,
+    monkeypatch: pytest.MonkeyPatch, far: float, p_value: float, setup: float, sensor: float, named: Said, verdict: str,
 ) -> None:
     """An alarm at 0.05; without one a name must be a thousand times likelier than nothing, and a mistake is one where the
     readings are farther off than their noise allows, which is else unknown; where nothing is odd nothing is looked for. Forces
-    that would have to differ by 0.4 % from set-up to set-up are odd: a mistake is one, and a name a hundred times likelier."""
+    that would have to differ by 0.4 % from set-up to set-up are odd: a mistake is one, and a name a hundred times likelier. So
+    are sensors that scatter by half as much again as stated, 1.78 times where that is known to a tenth."""
     rows = SimpleNamespace(validate=np.zeros(3, dtype=bool), select=lambda kept: None)
     data: Any = SimpleNamespace(rows=rows, with_rows=lambda kept: None)
-    plain = SimpleNamespace(load_state=None, components=VarianceComponents(setup=setup))
+    stated = SimpleNamespace(noise=SimpleNamespace(stated=[True] * 6))
+    plain = SimpleNamespace(load_state=None, components=VarianceComponents(sensor=sensor, setup=setup),
+                            components_log_std=np.full(6, 0.104), at_map=stated)
     monkeypatch.setattr(procedure, "fitted_or_mistaken", lambda data: plain)
     monkeypatch.setattr(procedure, "goodness_of_fit", lambda *of: SimpleNamespace(p_value=p_value))
     monkeypatch.setattr(procedure, "beyond_stated", lambda *of: {})

@@ -107,6 +107,7 @@ def test_what_chance_does_now_and_then_gets_no_name(
     for part in (explaining, procedure):
         monkeypatch.setattr(part, "goodness_of_fit", by_chance)
         monkeypatch.setattr(part, "strained", lambda _: strains)
+    monkeypatch.setattr(procedure, "louder", lambda _: False)
     if far is not None:
         monkeypatch.setattr(procedure, "far_off", lambda _: far)
     if odds is not None:
