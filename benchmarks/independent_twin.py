@@ -35,7 +35,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +46,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from identification.common.findings import CompstiffError
 from identification.diagnosis.diagnose import Diagnosis, diagnose
 from identification.diagnosis.extended_model import extended_model
+from identification.diagnosis.judgement import Judgement
 from identification.fit.fitted_model import Term
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import read_measurements
@@ -164,19 +165,24 @@ def one(arguments: tuple[str, str, str, tuple[float, float], str | None, int]) -
                   at_fresh_poses(case, found) if given.verdict == "named" else None, seconds)
 
 
+def alone(fitted: Posterior, judgement: Judgement) -> IdentifiedModel:
+    """A fitted model as if nothing else had been said of the rows."""
+    return extended_model(Judgement("adequate", fitted, fitted, judgement.detection))
+
+
 def at_fresh_poses(case: Case, found: Diagnosis) -> Fresh:
     """How the models do where nothing was measured; each pose is a visit of its own."""
     plan, moved = case.fresh()
     theta, wrench = plan.q, np.concatenate([plan.load, np.zeros_like(plan.load)], axis=1)
     judgement = found.judgement
-    data, plain = judgement.plain.data, extended_model(replace(judgement, carried=None))
+    data, plain = judgement.plain.data, alone(judgement.plain, judgement)
     state = data.load_state(judgement.plain.compliance)
     entries = [(effects().get(hidden.truth["effect"]), hidden.truth["joint"]) for hidden in case.hidden]
     told = None
     if all(entry is not None and entry.parameters and entry.name not in AT_A_PLACE for entry, _ in entries):
         terms = tuple(Term(entry, joint, typical, typical, entry.neutral(state)) for entry, joint in entries if entry
                       for typical in [entry.typical(state, joint)])
-        told = extended_model(replace(judgement, carried=None, plain=posterior(data, terms)))
+        told = alone(posterior(data, terms), judgement)
 
     def tried(model: IdentifiedModel) -> tuple[float, float, float]:
         each = [model.predict(theta[k:k + 1], wrench[k:k + 1], dwell=plan.dwell[k:k + 1]) for k in range(len(theta))]

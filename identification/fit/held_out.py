@@ -7,11 +7,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import rms
+from identification.common.findings import CompstiffError
 from identification.fit.fitted_model import predicted_deflection, response
-from identification.fit.posterior import Posterior
+from identification.fit.posterior import Posterior, posterior
 from identification.measurements import Measurements
 
 Array = NDArray[np.float64]
+# A slope does not hold where what lies along it and what the law does there are apart by this share of what is left, or of the
+# sensors' noise.
+NO_SLOPE = 0.3
 
 
 def poses(rows: Measurements) -> NDArray[np.intp]:
@@ -32,8 +37,9 @@ def _names(rows: Measurements) -> NDArray[np.str_]:
 
 
 def left_out(model: Posterior, groups: NDArray[np.intp]) -> Array:
-    """Residual (n, 3) [m] of every row, predicted by the model fitted without the row's group: fitted by one step from its MAP.
-    With effects that step is predicted in full: a law that has corners, as play, has no slope there that holds beyond them."""
+    """Residual (n, 3) [m] of every row, predicted by the model fitted without the row's group: by one step from its MAP, along
+    the slopes there. With effects that is held against what they do after the step: where a law has a corner, as play, or
+    trades with the springs along a curve, no slope holds, and the fit without the group is done."""
     at, prior = model.at_map, model.prior
     position, slope = response(model.data, model.map, model.terms)
     residual = model.data.rows.deflection - position
@@ -46,10 +52,22 @@ def left_out(model: Posterior, groups: NDArray[np.intp]) -> Array:
     pulled = np.array([carried[g].reshape(-1, parameters).T @ readings[g].reshape(-1) for g in each])
     step = np.linalg.solve(information.sum(axis=0) - information + precision,
                            (pulled.sum(axis=0) - pulled - prior.gradient(model.map))[:, :, None])[:, :, 0]
-    if not model.terms:
-        return np.asarray(residual - np.einsum("nij,nj->ni", slope, step[groups]))
-    for group in range(len(each)):
-        mine, x = groups == group, prior.inside(model.map + step[group])
-        rows = model.data.with_rows(model.data.rows.select(mine))
-        residual[mine] = rows.rows.deflection - predicted_deflection(rows, x, model.terms)
-    return np.asarray(residual)
+    residual = np.asarray(residual - np.einsum("nij,nj->ni", slope, step[groups]))
+    if model.terms:
+        sensor = model.components.sensor * rms(model.data.cell.noise.deflection)
+        for group, moved in enumerate(step):
+            mine = groups == group
+            rows, along = model.data.with_rows(model.data.rows.select(mine)), residual[mine]
+            there = rows.rows.deflection - predicted_deflection(rows, prior.inside(model.map + moved), model.terms)
+            if rms(there - along) > NO_SLOPE * max(min(rms(there), rms(along)), sensor):
+                residual[mine] = _fitted_without(model, mine, there)
+    return residual
+
+
+def _fitted_without(model: Posterior, mine: NDArray[np.bool_], otherwise: Array) -> Array:
+    """Residual (m, 3) [m] of the rows `mine` (n,) by a fit to the others; `otherwise` where that does not converge."""
+    try:
+        fitted = posterior(model.data.with_rows(model.data.rows.select(~mine)), model.terms, model)
+    except CompstiffError:
+        return otherwise
+    return fitted.residual_of(model.data.with_rows(model.data.rows.select(mine)))
