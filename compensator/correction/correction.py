@@ -50,7 +50,7 @@ class Correction:
     position (M, 3) [m], quaternion (M, 4) w x y z. offset (M, 3) [m] and turn (M, 3) [rad]: commanded minus planned, work
     object. theta (M, 6) [rad] commanded joint angles. confdata (M, 4): the target's, changed where a quadrant changes.
     residual (M,) [m]: distance of the loaded tool from the plan, by the iterated forward model. share (M,): how much of the
-    full correction is made, below 1 where it is held back. moved (M, 3) [m]: the offset in the base frame.
+    full correction is made, below 1 where it is held back.
     """
 
     targets: Indices
@@ -62,7 +62,6 @@ class Correction:
     confdata: NDArray[np.int32]
     residual: Array
     share: Array
-    moved: Array
     findings: tuple[Finding, ...]
 
 
@@ -102,7 +101,7 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
             share[held] = np.linalg.norm(offset[held], axis=1) / np.maximum(np.linalg.norm(full[held], axis=1), HELD)
             _hold_back(loaded, commanded, held, share[held], offset[held])
             residual = _residual(loaded, commanded.theta, held, residual)
-    theta, moved = commanded.theta, commanded.base_from_tcp.position - path.base_from_tcp.position[targets]
+    theta = commanded.theta
     position, quaternion, offset, turn = _in_objects(loaded, commanded.base_from_tcp)
     del commanded
     refuse_outside(path, targets, theta, "after correction")
@@ -114,8 +113,8 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
         if (now != then)[:, :3].any():
             confdata = confdata if confdata is not path.toolpath.confdata else confdata.copy()
             confdata[part, :3] += (now - then)[:, :3]
-    read_only(position, quaternion, offset, turn, theta, confdata, residual, share, moved)
-    return Correction(targets, position, quaternion, offset, turn, theta, confdata, residual, share, moved, tuple(findings))
+    read_only(position, quaternion, offset, turn, theta, confdata, residual, share)
+    return Correction(targets, position, quaternion, offset, turn, theta, confdata, residual, share, tuple(findings))
 
 
 def _residual(loaded: LoadedPath, theta: Array, held: Indices, residual: Array) -> Array:

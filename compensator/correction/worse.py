@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from math import erfc, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,7 @@ class Risk:
         left beside it."""
         found = np.zeros(len(between))
         for part in chunks(len(between), CHUNK):
-            found[part] = Risk(*(getattr(self, one.name)[part] for one in fields(self)))._worse(between[part])
+            found[part] = Risk(*(getattr(self, one.name)[part].astype(float) for one in fields(self)))._worse(between[part])
         return found
 
     def _worse(self, between: Array) -> Array:
@@ -112,21 +113,26 @@ def risk(before: Array, of_before: Array, after: Array, of_after: Array, grows: 
 
 def risk_of(predicted: Predicted, cut: CorrectedPass, prediction: Prediction, correction: Correction) -> Risk:
     """Of a corrected program, and the prediction of the deviation that the corrected pass has."""
-    planned, share = predicted.prediction, sum(in_proportion(predicted))
+    planned, path, share = predicted.prediction, predicted.path, sum(in_proportion(predicted))
     # A target that is held back stands less deep than one on the plan, and one that is not moved meets the force it met.
     made = np.minimum(correction.share, 1.0)
 
     def of(part: slice) -> Risk:
         before = planned.at_rest[part] * cut.uncorrected[part, None]
-        after = before + made[part, None] * (prediction.position[part] - before) + correction.moved[part]
+        moved = path.base_from_object[correction.targets[part]].rotation @ correction.offset[part, :, None]
+        after = before + made[part, None] * (prediction.position[part] - before) + moved[:, :, 0]
         along = directions(prediction.position[part])
         of_size = share * np.einsum("ni,nj->nij", before, before)
         of_cut = np.einsum("n,ni,nj->nij", cut.in_covariance[part] ** 2, along, along)
         return risk(before, planned.at_rest_covariance[part] + of_size, after, prediction.covariance[part] - of_cut + of_size,
                     made[part] * cut.left[part])
 
-    parts = [of(part) for part in chunks(len(made), CHUNK)] or [of(slice(0, 0))]
-    return Risk(*(np.concatenate([getattr(one, of_all.name) for one in parts]) for of_all in fields(Risk)))
+    # Held until the program is written: in single precision, which is enough of a probability.
+    known: Any = np.empty((len(fields(Risk)), len(made)), dtype=np.float32)
+    for part in chunks(len(made), CHUNK):
+        some = of(part)
+        known[:, part] = [getattr(some, one.name) for one in fields(Risk)]
+    return Risk(*known)
 
 
 def _normal(values: Array) -> Array:
