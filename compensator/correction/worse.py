@@ -14,10 +14,11 @@ in proportion to the deviation, and what lies between targets, for whoever stand
 another force than one on its plan S is the mean of both passes', and by what the corrected one's is wider across m goes into
 the mean of the left side.
 
-Assumed: normal errors, the causes independent of each other; what lies between targets along the deviation, as where a force
-begins or ends; the growth of the force in proportion to how much of the correction is made, and of either sign; in what was
-b when the log is that of a corrected pass, no error of the cutting stiffness. Targets depend on each other: their sum is the
-number that is expected, and says nothing of how far it scatters.
+Assumed: normal errors, the causes independent of each other (springs known to a factor make fewer worse than that says, since
+a compliance is log-normal); what lies between targets along the deviation, as where a force begins or ends; the growth of the
+force in proportion to how much of the correction is made, and of either sign; in what was b when the log is that of a corrected
+pass, no error of the cutting stiffness. Targets depend on each other: their sum is the number that is expected, and says
+nothing of how far it scatters.
 """
 
 from __future__ import annotations
