@@ -50,6 +50,7 @@ STAGES = {
     "with_intermediate_targets": "intermediate targets", "correct_path": "correct", "rewrite": "write program text",
     "read_back": "read back", "logged_pass": "force that follows the cut", "following_the_cut": "force that follows the cut",
     "left_between": "what is left", "foreseen": "what is left", "expected_left": "what is left",
+    "risk_of": "what is left",
     "record": "offsets.csv, record, files", "write_whole": "offsets.csv, record, files",
 }
 MODULES = (predict_module, correct_module, files_module)

@@ -12,7 +12,8 @@ blank.
 
 Off: distance of the loaded tool from plan at every half millimetre that cuts; `faces`: across the wall, and for the slot's
 floor upwards. Gone: of its RMS and of its largest. Worse: steps further off than without correction by more than 2 of the
-sigmas that offsets.csv states. --set: a further row with these fields of Settings (numbers).
+sigmas that offsets.csv states. Farther: by any amount, beside how many the probabilities of `correct` (expected_worse) make of
+the steps, each between those of its targets. --set: a further row with these fields of Settings (numbers).
 """
 
 from __future__ import annotations
@@ -70,6 +71,7 @@ class Row:
     grown: np.ndarray
     within: float
     stated: float = 0.0
+    expected: float = np.nan
 
     def worse_beside(self, place: int = -1) -> str:
         """How many steps are worse, how many of them not at that place, and by how much at most."""
@@ -88,13 +90,14 @@ class Result:
     targets: tuple[int, int] = (0, 0)
 
 
-def row(name: str, first: Pass, after: Pass, sigma_um: np.ndarray, left_um: np.ndarray | None = None) -> Row:
+def row(name: str, first: Pass, after: Pass, sigma_um: np.ndarray, left_um: np.ndarray | None = None,
+        likely: np.ndarray | None = None) -> Row:
     cut = first.cutting | after.cutting
     before, behind = (np.linalg.norm(done.off_um, axis=1)[cut] for done in (first, after))
     stated = first.steps.between(sigma_um if left_um is None else left_um)[cut]
     return Row(name, before, behind, np.array([first.surface_um[cut], after.surface_um[cut]]), first.steps.place[cut],
                made_worse(first, after, sigma_um)[cut], grown(first, after)[cut], float(np.mean(behind <= 2 * stated)),
-               float(np.median(stated)))
+               float(np.median(stated)), np.nan if likely is None else float(first.steps.between(likely)[cut].sum()))
 
 
 def plain(arguments: tuple[str, int, dict[str, float], bool]) -> Result | None:
@@ -162,7 +165,7 @@ def further(job: MillingJob, stiffness: Path, log: Path, found: Correction) -> l
 
 def corrected_row(job: MillingJob, name: str, one: Correction, done: Pass | None = None) -> Row:
     """The row of a corrected program; done: its pass, if it was milled already."""
-    return row(name, job.first_with(one.part), done or again_milled(job, one), one.sigma_um, one.left_um)
+    return row(name, job.first_with(one.part), done or again_milled(job, one), one.sigma_um, one.left_um, one.worse)
 
 
 def again_milled(job: MillingJob, found: Correction, *, held: bool = False) -> Pass:
@@ -247,7 +250,7 @@ def pooled(rows: list[Row]) -> Row:
 
     return Row(rows[0].name, all_of("before"), all_of("after"), all_of("faces"), all_of("place"), all_of("worse"),
                all_of("grown"), float(np.mean([one.within for one in rows])),
-               float(np.mean([one.stated for one in rows])))
+               float(np.mean([one.stated for one in rows])), sum(one.expected for one in rows))
 
 
 def by_name(results: Iterable[Result]) -> dict[str, list[Row]]:
@@ -275,7 +278,8 @@ def print_plain(part: str, every: list[Result | None]) -> None:
     counts = np.mean([result.targets for result in results], axis=0)
     print(f"targets of the program: {counts[0]:.0f}, of the corrected one {counts[1]:.0f}")
     print("| | gone, RMS | largest | faces, RMS | without the sharp corner, RMS | left [um] RMS / largest | "
-          "worse (beside the corner), by at most | within 2 sigma | median off, stated [um] |\n" + 9 * "|---" + "|")
+          "worse (beside the corner), by at most | within 2 sigma | median off, stated [um] | farther: expected, are |\n"
+          + 10 * "|---" + "|")
     for name, rows in table.items():
         each = [gone(one) for one in rows]
         faces = [100 * (1 - rms(one.faces[1]) / rms(one.faces[0])) for one in rows]
@@ -286,7 +290,8 @@ def print_plain(part: str, every: list[Result | None]) -> None:
               f"{np.mean(faces):.1f} % ({min(faces):.1f}) | {np.mean(others):.1f} % ({min(others):.1f}) | "
               f"{np.mean([rms(one.after) for one in rows]):.1f} / {max(one.after.max() for one in rows):.0f} | "
               f"{worse} | {100 * np.mean([one.within for one in rows]):.1f} % | "
-              f"{np.mean([np.median(one.after) for one in rows]):.1f}, {np.mean([one.stated for one in rows]):.1f} |")
+              f"{np.mean([np.median(one.after) for one in rows]):.1f}, {np.mean([one.stated for one in rows]):.1f} | "
+              f"{pooled(rows).expected:.1f}, {int((pooled(rows).grown > 0).sum())} |")
     print("\n| place | off before [um] RMS | pass 2: left RMS / largest, gone | pass 3: left, gone | worse in pass 2 |")
     print("|---|---|---|---|---|")
     second, third = pooled(table[SECOND]), pooled(table[THIRD])

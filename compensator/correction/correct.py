@@ -24,6 +24,7 @@ from compensator.correction.predict import Predicted, largest_and_rms
 from compensator.correction.prediction import Prediction
 from compensator.correction.read_back import read_back
 from compensator.correction.waiting import Waiting, told, waiting
+from compensator.correction.worse import risk_of
 from compensator.path.feasibility import FeedCheck, check_feed, judge
 from compensator.rapid import read_rapid, rewrite, with_marks
 from identification.common.findings import Finding, Refused, counted
@@ -38,9 +39,10 @@ class Corrected:
     """One program, corrected. planned: the program as it was given; predicted: with the intermediate targets that were added to
     it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
     loaded tool from the plan with the numbers as written; between: the same between targets, None where no move asks for half
-    the tolerance; left: 1 sigma of what is expected on the part, by cause. left_as_logged (M,) [m]: how far off a cutting
-    stiffness of 10 N/mm leaves the tool, None where the force was made to follow the cut. logged: what is known of the logged
-    pass; gain: of the cut against the arm. feed: the feed check, and advice: on the posture, where they were asked for.
+    the tolerance; left: 1 sigma of what is expected on the part, by cause; worse (M,): probability that a target is farther off
+    than uncorrected. left_as_logged (M,) [m]: how far off a cutting stiffness of 10 N/mm leaves the tool, None where the force
+    was made to follow the cut. logged: what is known of the logged pass; gain: of the cut against the arm. feed: the feed
+    check, and advice: on the posture, where they were asked for.
     waiting: where the next log tells more. air (M,): the share that is air of the line to a target from one in the air.
     """
 
@@ -52,6 +54,7 @@ class Corrected:
     residual: Array
     between: BetweenTargets | None
     left: ExpectedLeft
+    worse: Array
     left_as_logged: Array | None
     logged: LoggedPass
     gain: float
@@ -85,7 +88,7 @@ class Corrected:
             "between_um": self.between.as_dict() if self.between else None,
             "held_back": int((np.abs(self.correction.share - 1) > 0.01).sum()),
             "expected_left_um": self.left.as_dict(),
-            "expected_worse": round(float(self.correction.harm.sum()), 2),
+            "expected_worse": round(float(self.worse.sum()), 2),
             "left_at_10_n_per_mm_um": None if self.left_as_logged is None else largest_and_rms(1e6 * self.left_as_logged),
             "cutting_stiffness": None if self.stiffness is None else self.stiffness.as_dict() | {"gain": self.gain},
             "slot_stiffness": None if self.logged.slot is None else self.logged.slot.as_dict(),
@@ -162,7 +165,7 @@ def correct(planned: Predicted) -> Corrected:
     cut, prediction = following_the_cut(predicted, kept, logged)
     air = air_beside(looked_at if predicted.loaded.learned is None else None, predicted.targets)
     correction = restrained(predicted, logged, cut, prediction, air)
-    known = foreseen(predicted, cut, prediction)
+    known, at_risk = foreseen(predicted, cut, prediction), risk_of(predicted, cut, prediction, correction)
     del prediction
     posting = planned.settings.posting
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,
@@ -187,8 +190,8 @@ def correct(planned: Predicted) -> Corrected:
     advice = advise(planned.loaded) if settings.advise else None
     left = expected_left(predicted, kept, known, residual, between)
     waits = waiting(predicted, left)
-    return Corrected(planned, predicted, kept, correction, content, residual, between, left, cut.left_as_logged,
-                     logged, cut.gain, feed, advice, waits, air,
+    return Corrected(planned, predicted, kept, correction, content, residual, between, left,
+                     at_risk.worse(left.between), cut.left_as_logged, logged, cut.gain, feed, advice, waits, air,
                      (*findings, *told(waits, predicted)))
 
 

@@ -21,7 +21,7 @@ from compensator.correction.correctable import refuse_outside
 from compensator.correction.forward import loaded_blocks, off_goal, resting_angles
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.prediction import Prediction
-from compensator.correction.restraint import chance_of_harm, confident_share, fair_to_both, limited_steps
+from compensator.correction.restraint import confident_share, fair_to_both, limited_steps
 from compensator.correction.wall_behind import held_before_the_wall
 from compensator.path.legs import Poses
 from compensator.path.robot_path import RobotPath
@@ -50,8 +50,7 @@ class Correction:
     position (M, 3) [m], quaternion (M, 4) w x y z. offset (M, 3) [m] and turn (M, 3) [rad]: commanded minus planned, work
     object. theta (M, 6) [rad] commanded joint angles. confdata (M, 4): the target's, changed where a quadrant changes.
     residual (M,) [m]: distance of the loaded tool from the plan, by the iterated forward model. share (M,): how much of the
-    full correction is made, below 1 where it is held back. harm (M,): probability that the point is farther from the plan
-    than without correction; NaN where no restraint was asked for.
+    full correction is made, below 1 where it is held back.
     """
 
     targets: Indices
@@ -63,7 +62,6 @@ class Correction:
     confdata: NDArray[np.int32]
     residual: Array
     share: Array
-    harm: Array
     findings: tuple[Finding, ...]
 
 
@@ -92,12 +90,11 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
     """
     path, targets = loaded.path, loaded.targets
     commanded, residual = _full(loaded)
-    share, harm = np.broadcast_to(1.0, len(targets)), np.broadcast_to(np.nan, len(targets))
+    share = np.broadcast_to(1.0, len(targets))
     findings: list[Finding] = []
     if restraint is not None and len(targets):
         full = commanded.base_from_tcp.position - path.base_from_tcp.position[targets]
         offset, findings = _restrained(loaded, full, restraint)
-        harm = chance_of_harm(restraint.prediction.position, restraint.prediction.known, offset)
         held = np.flatnonzero(np.linalg.norm(offset - full, axis=1) > HELD)
         if len(held):
             share = share.copy()
@@ -116,8 +113,8 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
         if (now != then)[:, :3].any():
             confdata = confdata if confdata is not path.toolpath.confdata else confdata.copy()
             confdata[part, :3] += (now - then)[:, :3]
-    read_only(position, quaternion, offset, turn, theta, confdata, residual, share, harm)
-    return Correction(targets, position, quaternion, offset, turn, theta, confdata, residual, share, harm, tuple(findings))
+    read_only(position, quaternion, offset, turn, theta, confdata, residual, share)
+    return Correction(targets, position, quaternion, offset, turn, theta, confdata, residual, share, tuple(findings))
 
 
 def _residual(loaded: LoadedPath, theta: Array, held: Indices, residual: Array) -> Array:

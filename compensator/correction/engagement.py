@@ -88,7 +88,8 @@ class CorrectedPass:
     """The path under the forces that the corrected pass meets. stood (M, 3) [m], base frame: where the tool of the logged pass
     stood off the plan. left (M,) [m]: 1 sigma of how far off the plan the force that follows the cut leaves the tool;
     in_covariance (M,) [m]: what of that is in the prediction's. left_as_logged (M,) [m]: what a cutting stiffness of ASSUMED
-    would leave, None where the force follows the cut. gain: the largest K c_nn, 0 where the force is as logged. at_depths,
+    would leave, None where the force follows the cut. uncorrected (M,): how many times that of the logged pass the deviation of
+    the planned program is. gain: the largest K c_nn, 0 where the force is as logged. at_depths,
     at_slot_depths: depths [m], and what `left` would be there [m], root mean square; none where more is known of the cut."""
 
     loaded: LoadedPath
@@ -96,6 +97,7 @@ class CorrectedPass:
     left: Array
     in_covariance: Array
     left_as_logged: Array | None
+    uncorrected: Array
     gain: float
     findings: tuple[Finding, ...] = ()
     at_depths: Told = ()
@@ -107,8 +109,8 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
     cause, the error of the cutting stiffness in its covariance."""
     if logged.on_plan:
         nothing = np.zeros(len(predicted.targets))
-        return (CorrectedPass(predicted.loaded, np.zeros((len(nothing), 3)), nothing, nothing, None, 0.0),
-                predicted.prediction)
+        return (CorrectedPass(predicted.loaded, np.zeros((len(nothing), 3)), nothing, nothing, None, np.ones(len(nothing)),
+                              0.0), predicted.prediction)
     offsets = _at_all(logged.offsets, kept, predicted)
     stood = standing(predicted, offsets)[predicted.targets]
     with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers in targets without force
@@ -122,9 +124,10 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
         left = np.hypot(wall.left(followed), in_slots.left(followed))
         if not wall.exact:
             left = np.hypot(left, _left(predicted, _where_it_changes(predicted, np.abs(per_newton) * across)))
+        uncorrected = _uncorrected(predicted, logged, across, direction, wall, followed)
         if not followed.any():
             as_logged = _left(predicted, np.abs(ASSUMED * per_newton))
-            return CorrectedPass(predicted.loaded, stood, left, np.zeros(len(left)), as_logged, 0.0,
+            return CorrectedPass(predicted.loaded, stood, left, np.zeros(len(left)), as_logged, uncorrected, 0.0,
                                  at_depths=wall.at_depths, at_slot_depths=in_slots.at_depths), predicted.prediction
     if predicted.loaded.learned is None:
         _refuse_what_does_not_fit(predicted, followed, wall.stiffness, across)
@@ -140,8 +143,23 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
     along = prediction.position / np.maximum(np.linalg.norm(prediction.position, axis=1), 1e-300)[:, None]
     covariance = prediction.covariance + np.einsum("n,ni,nj->nij", left**2, along, along)
     covariance.flags.writeable = False
-    return (CorrectedPass(loaded, stood, left, left, None, gain, findings, wall.at_depths, in_slots.at_depths),
+    return (CorrectedPass(loaded, stood, left, left, None, uncorrected, gain, findings, wall.at_depths, in_slots.at_depths),
             replace(prediction, covariance=covariance))
+
+
+def _uncorrected(
+    predicted: Predicted, logged: LoggedPass, across: Array, direction: Array, wall: _Wall, followed: Array
+) -> Array:
+    """How many times that of the logged pass the deviation of the planned program is (M,). By the growth g of the force from
+    where the tool stood to the plan, and h from where it stands uncorrected: (1 + g) / (1 + h), of logs of that program 1."""
+    if logged.offsets is None:
+        return np.ones(len(predicted.targets))
+    per_newton, chosen = _deeper(predicted, None, direction, across)
+    slot = slots(predicted.path, predicted.forces.wrench[:, :3], across, np.where(
+        chosen[:, None], standing(predicted, None), 0.0))
+    alone = wall.stiffness * per_newton + _slot(predicted, logged, slot).growth
+    grown, alone = (np.clip(growth, -MOST_GROWTH, MOST_GROWTH)[predicted.targets] for growth in (followed, alone))
+    return np.asarray((1 + grown) / (1 + alone))
 
 
 @dataclass(frozen=True, eq=False)

@@ -155,15 +155,21 @@ def expected_left(
 ) -> ExpectedLeft:
     """Of a corrected program whose targets as given stand at `kept` (N,); residual (M,) [m]: what its correction leaves by the
     model."""
-    cell = predicted.path.cell
-    learned, chosen = predicted.loaded.learned is not None, predicted.settings.correction
-    unknown = cell.motion.compliance_std if chosen.scale == EXACTLY_ONE and not learned else 0.0
-    gain = 0.0 if learned else cell.force_log.form.gain_std
+    gain, unknown = np.sqrt(in_proportion(predicted))
     return ExpectedLeft(
         np.sqrt(known.of_model + residual**2), held_once(np.sqrt(known.of_force)), np.sqrt(known.of_scatter), gain * known.size,
         unknown * known.size, known.cut, held_once(np.sqrt(known.of_learned)),
         _between(predicted, kept, known, between)[predicted.targets], known.at_depths,
         known.at_slot_depths)
+
+
+def in_proportion(predicted: Predicted) -> tuple[float, float]:
+    """Variances of the shares by which every deviation may be another: the force sensor's gain, and the robot in motion."""
+    cell = predicted.path.cell
+    if predicted.loaded.learned is not None:
+        return 0.0, 0.0
+    unknown = cell.motion.compliance_std if predicted.settings.correction.scale == EXACTLY_ONE else 0.0
+    return cell.force_log.form.gain_std**2, unknown**2
 
 
 def _between(predicted: Predicted, kept: Indices, known: Foreseen, between: BetweenTargets | None) -> Array:

@@ -21,7 +21,6 @@ moves, which are never moved, and where the sign changes it grows from zero.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import erfc, sqrt
 from statistics import NormalDist
 
 import numpy as np
@@ -41,18 +40,6 @@ def confident_share(deviation: Array, covariance: Array, confidence: float) -> A
     """
     size, std = _along(deviation, deviation, covariance)
     return np.clip(2.0 * (1.0 - NormalDist().inv_cdf(confidence) * std / np.maximum(size, TINY)), 0.0, 1.0)
-
-
-def chance_of_harm(deviation: Array, covariance: Array, offset: Array) -> Array:
-    """Probability (M,) that a point is farther from the plan with the offset (M, 3) [m] than without: P(2 t.o + |o|^2 > 0)."""
-    size, std = _along(offset, deviation, covariance)
-    toward = np.einsum("ni,ni->n", deviation, offset) / np.maximum(size, TINY)
-    return np.where(size > TINY, _normal((toward + 0.5 * size) / np.maximum(std, TINY)), 0.0)
-
-
-def _normal(values: Array) -> Array:
-    """Distribution function of the standard normal (M,): SciPy's takes longer to import than a program to correct."""
-    return 0.5 * np.fromiter(map(erfc, (-sqrt(0.5) * values).tolist()), np.float64, len(values))
 
 
 def _along(direction: Array, deviation: Array, covariance: Array) -> tuple[Array, Array]:

@@ -10,9 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compensator.correction.correct import Corrected
-from compensator.correction.restraint import chance_of_harm, confident_share, fair_to_both, limited_steps
-from identification.model.compliance import loaded_pose
+from compensator.correction.restraint import confident_share, fair_to_both, limited_steps
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3, line
 from tests.runs.command_line.user_files import Job
@@ -43,29 +41,6 @@ def test_a_correction_of_its_own_sigma_is_made_in_full_and_of_half_of_it_left_ou
     sigma = np.array([8.0, 10.0, 15.0, 20.1])
     share = [float(confident_share(one, (s * np.eye(3))[None] ** 2, 0.69)[0]) for s in sigma]
     np.testing.assert_allclose(share, [1, 1, 2 - 1.5 * 0.99, 0], atol=0.02)
-
-
-def test_the_stated_chance_of_harm_is_how_often_it_happens() -> None:
-    for share in (0.3, 1.0):
-        stated = chance_of_harm(DEVIATION[None], 3 * SPREAD[None], -share * DEVIATION[None])[0]
-        assert stated == pytest.approx(farther(share, DEVIATION, 3 * SPREAD), abs=0.004)
-    assert chance_of_harm(DEVIATION[None], SPREAD[None], np.zeros((1, 3)))[0] == 0
-
-
-def test_expected_worse_is_the_mean_over_robots_of_the_posterior(sample: Corrected) -> None:
-    """Counted over robots drawn from the posterior; the stated figure holds the scatter of the forces too, so it is larger."""
-    predicted, correction = sample.predicted, sample.correction
-    plan, model, targets = predicted.path, predicted.model, correction.targets
-    tool, wrench = predicted.cell.flange_from_tcp, predicted.forces.wrench[targets]
-    rng, worse = np.random.default_rng(8), []
-    for _ in range(20):
-        compliance = np.exp(rng.multivariate_normal(model.mean, model.covariance))
-        goal = plan.base_from_tcp.position[targets]
-        at = [np.linalg.norm(loaded_pose(model.robot, theta, tool, wrench, compliance).position - goal, axis=1)
-              for theta in (plan.theta[targets], correction.theta)]
-        worse.append(int((at[1] > at[0]).sum()))
-    assert np.mean(worse) <= correction.harm.sum() + 1
-    assert correction.harm.sum() < 0.01 * len(targets)
 
 
 places = st.lists(st.floats(0.0, 50.0), min_size=2, max_size=12)

@@ -37,13 +37,14 @@ def settings(**wanted: Any) -> Settings:
 @dataclass(frozen=True)
 class Correction:
     """What `correct` gave: the job itself, the part with a target for each that was written, their commands, and the sigma
-    (N,) [um] that is stated for their deviation, and for what is left on the part."""
+    (N,) [um] that is stated for their deviation, and for what is left on the part, and how likely (N,) each gets worse."""
 
     job: Corrected
     part: Part
     commands: Commands
     sigma_um: np.ndarray
     left_um: np.ndarray
+    worse: np.ndarray
 
     @property
     def at_own(self) -> np.ndarray:
@@ -144,14 +145,14 @@ class MillingJob:
         written = milling.read_commands(job.content.decode())
         assert np.array_equal(milling.read_commands(self.program.read_text()).position_mm, self.part.target_mm)
         path, prediction = job.predicted.path, job.predicted.prediction
-        sigma, left = np.zeros((2, len(path.toolpath)))
+        sigma, left, worse = np.zeros((3, len(path.toolpath)))
         sigma[prediction.targets] = 1e6 * np.linalg.norm(prediction.std, axis=1)
-        left[job.correction.targets] = 1e6 * job.left.std
+        left[job.correction.targets], worse[job.correction.targets] = 1e6 * job.left.std, job.worse
         part = self.part
         if len(written.position_mm) != len(part.target_mm):
             # What refines a move says of its own targets where they were planned.
             part = part.with_targets(1e3 * path.toolpath.position)
-        return Correction(job, part, written, sigma, left)
+        return Correction(job, part, written, sigma, left, worse)
 
     def offsets(self, found: Correction, name: str) -> Path:
         """offsets.csv of a correction."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from compensator.correction.cut_kind import cut_shares
+from compensator.correction.engagement import following_the_cut
 from compensator.correction.expected_left import CAUSES
 from compensator.correction.settings import Estimate
 from tests.runs.milling.milling_job import Correction, MillingJob, made_worse, rms, settings
@@ -205,6 +206,34 @@ def test_two_passes_tell_the_cutting_stiffness_of_the_wall(
     assert np.allclose(rows["cut_um"][corrected.job.predicted.forces.forced[corrected.job.kept]], 1e6 * corrected.job.left.cut[
         np.isin(corrected.job.predicted.targets, corrected.job.kept)], atol=1e-4)
     assert found.as_dict()["n_per_mm"] == pytest.approx(1e-3 * found.value)
+
+
+def test_the_log_of_a_corrected_pass_tells_how_far_off_the_planned_program_is(
+    job: MillingJob, stiffness: Path, log: Path, corrected: Correction, second: Pass
+) -> None:
+    """Which gets its tool pushed aside and cuts less: on the wall that deviation is known from its own log."""
+    applied = job.offsets(corrected, "applied_once.csv")
+    pass2 = job.log(second, corrected.commands, "pass2_once.csv", part=corrected.part)
+    found = job.correct(pass2, stiffness, settings(logged_with=applied, first_forces=log)).job
+    cut, _ = following_the_cut(found.predicted, found.kept, found.logged)
+    size = np.zeros((3, len(job.part.target_mm)))
+    for row, (one, by) in enumerate(((found, 1.0), (found, cut.uncorrected), (corrected.job, 1.0))):
+        every = np.zeros(len(one.predicted.path.toolpath))
+        every[one.predicted.targets] = by * np.linalg.norm(one.predicted.prediction.position, axis=1)
+        size[row] = every[one.kept]
+    wall = job.part.place == PLACES.index("straight wall")
+    as_logged, told, own = np.median(size[:, wall], axis=1)
+    assert as_logged > 1.01 * own
+    assert told == pytest.approx(own, rel=0.3 * (as_logged / own - 1))
+
+
+def test_as_many_are_expected_farther_off_as_are(first: Pass, corrected: Correction, second: Pass) -> None:
+    """Steps where the tool barely touches and turns; each as likely as what is said of the targets beside it."""
+    cut = first.cutting | second.cutting
+    farther = (np.linalg.norm(second.off_um, axis=1) > np.linalg.norm(first.off_um, axis=1))[cut].sum()
+    expected = first.steps.between(corrected.worse)[cut].sum()
+    assert abs(farther - expected) < 2 * np.sqrt(max(expected, 1.0))
+    assert expected < 0.01 * cut.sum()
 
 
 def flat(feed: np.ndarray) -> np.ndarray:

@@ -1,0 +1,106 @@
+"""How likely a target is to get worse, against chance experiments that know nothing of how it is worked out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+from compensator.correction.correct import Corrected
+from compensator.correction.worse import risk
+from identification.model.compliance import loaded_pose
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.test_placement import line
+from tests.runs.command_line.user_files import Job
+
+DEVIATION = np.array([30.0, -10.0, 5.0])
+SPREAD = np.array([[400.0, 90, 0], [90, 250, -30], [0, -30, 100]])
+
+
+def farther(
+    before: np.ndarray, spread: np.ndarray, after: np.ndarray, grows: float = 0.0, between: float = 0.0, draws: int = 400_000
+) -> float:
+    """How often: both passes have the same error, the corrected one another along the deviation too."""
+    rng = np.random.default_rng(3)
+    along = before / np.linalg.norm(before)
+    error = rng.multivariate_normal(np.zeros(3), spread, draws) + between * rng.standard_normal((draws, 1)) * along
+    corrected = after + error + grows * rng.standard_normal((draws, 1)) * along
+    return float(np.mean(np.linalg.norm(corrected, axis=1) > np.linalg.norm(before + error, axis=1)))
+
+
+def stated(before: np.ndarray, spread: np.ndarray, after: np.ndarray, grows: float = 0.0, between: float = 0.0) -> float:
+    return float(risk(before[None], spread[None], after[None], spread[None], np.array([grows])).worse(np.array([between]))[0])
+
+
+@pytest.mark.parametrize("left", [0.0, 0.7, 1.2], ids=["in full", "held back", "most of it"])
+@pytest.mark.parametrize(("size", "grows", "between"), [(1.0, 0, 0), (3, 0, 0), (0.3, 12, 0), (1, 25, 10), (0.1, 40, 5),
+                                                       (0.5, 0, 20)])
+def test_the_stated_chance_is_how_often_it_happens(left: float, size: float, grows: float, between: float) -> None:
+    after = left * DEVIATION + [2.0, 3.0, -1.0]
+    assert stated(DEVIATION, size * SPREAD, after, grows, between) == pytest.approx(
+        farther(DEVIATION, size * SPREAD, after, grows, between), abs=0.004)
+
+
+def test_what_is_not_moved_gets_no_worse_and_what_is_known_is_certain() -> None:
+    nothing = np.zeros((3, 3))
+    assert stated(DEVIATION, SPREAD, DEVIATION, 0.0, 20.0) == 0
+    assert stated(DEVIATION, nothing, 0.9 * DEVIATION) == 0
+    assert stated(DEVIATION, nothing, 1.1 * DEVIATION) == 1
+    assert stated(1e-6 * DEVIATION, 1e-12 * SPREAD, 0 * DEVIATION, 12e-6, 5e-6) == pytest.approx(
+        stated(DEVIATION, SPREAD, 0 * DEVIATION, 12, 5)), "whatever the unit"
+
+
+def test_where_the_force_grows_both_passes_have_their_own_error() -> None:
+    """The program as it is yields 0.8 times what it would on the plan; so does its error."""
+    rng, before = np.random.default_rng(5), 0.8 * DEVIATION
+    for size, close in ((0.1, 0.0006), (0.3, 0.002), (1.0, 0.01)):
+        error = rng.multivariate_normal(np.zeros(3), size * SPREAD, 400_000)
+        often = np.mean(np.linalg.norm(error, axis=1) > np.linalg.norm(before + 0.8 * error, axis=1))
+        found = risk(before[None], 0.64 * size * SPREAD[None], np.zeros((1, 3)), size * SPREAD[None], np.zeros(1))
+        assert found.worse(np.zeros(1))[0] == pytest.approx(often, abs=close)
+
+
+def test_expected_worse_is_the_mean_over_robots_of_the_posterior(sample: Corrected) -> None:
+    """Counted over robots drawn from the posterior; the stated figure holds all other causes too, so it is larger."""
+    predicted, correction = sample.predicted, sample.correction
+    plan, model, targets = predicted.path, predicted.model, correction.targets
+    tool, wrench = predicted.cell.flange_from_tcp, predicted.forces.wrench[targets]
+    rng, worse = np.random.default_rng(8), []
+    for _ in range(20):
+        compliance = np.exp(rng.multivariate_normal(model.mean, model.covariance))
+        goal = plan.base_from_tcp.position[targets]
+        at = [np.linalg.norm(loaded_pose(model.robot, theta, tool, wrench, compliance).position - goal, axis=1)
+              for theta in (plan.theta[targets], correction.theta)]
+        worse.append(int((at[1] > at[0]).sum()))
+    assert np.mean(worse) <= sample.worse.sum() + 1
+    assert sample.worse.sum() < 0.02 * len(targets)
+
+
+@pytest.mark.parametrize("cause", ["force_log: {gain_std: 0.4}", "motion: {compliance_std: 0.4}"])
+def test_a_share_by_which_all_deviations_may_be_others_is_in_the_number(tmp_path: Path, cause: str) -> None:
+    """Six targets under one force. A correction in full does harm where the deviation is less than half of what it is taken
+    for: below -1.25 sigma. The springs, known to 2 %, make next to nothing of it."""
+    forces = "target,fx_n,fy_n,fz_n\n" + "".join(f"{i},0,200,0\n" for i in range(6))
+    job = Job(tmp_path, cell=kit.cell_text(extra=f"{cause}\n"), program=line(6, 5).program(), forces=forces)
+    result = job.correct("--json", "--force", "--cutting-stiffness", "50:0")
+    expected = [6 * NormalDist().cdf(-0.5 / np.hypot(0.4, sigma)) for sigma in (0.0, 0.03)]
+    assert expected[0] - 0.006 < result.json["result"]["expected_worse"] < expected[1] + 0.006
+
+
+def test_a_cut_of_which_nothing_is_known_is_in_the_number(tmp_path: Path) -> None:
+    """By chance experiment: springs known to a half, and the force that follows the cut by as much as offsets.csv states."""
+    forces = "target,fx_n,fy_n,fz_n\n" + "".join(f"{i},0,200,0\n" for i in range(6))
+    job = Job(tmp_path, program=line(6, 5).program(), stiffness=kit.stiffness_text(relative=0.5), forces=forces)
+    result = job.correct("--json", "--force")
+    offsets = job.offsets()
+    assert result.json["result"]["expected_left_um"]["cut"] > 100
+    rng, count = np.random.default_rng(4), 0.0
+    for deviation, sigma, grows in zip(kit.column(offsets, "dx_um", "dy_um", "dz_um"),
+                                       kit.column(offsets, "left_um")[:, 0], kit.column(offsets, "cut_um")[:, 0], strict=True):
+        # All but the cut along the deviation, as springs in one direction of force have it nearly.
+        before = np.linalg.norm(deviation)
+        error = np.sqrt(sigma**2 - grows**2) * rng.standard_normal(100_000)
+        count += np.mean(np.abs(error + grows * rng.standard_normal(100_000)) > np.abs(before + error))
+    assert result.json["result"]["expected_worse"] == pytest.approx(count, rel=0.1)
