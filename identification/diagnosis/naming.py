@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.diagnosis.attempt import attempt
 from identification.diagnosis.judgement import Cause
-from identification.diagnosis.search import Hypothesis, Survey, survey
+from identification.diagnosis.search import Hypothesis, Survey, log_prior, survey
 from identification.fit.fitted_model import Term
 from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.posterior import Posterior
@@ -42,13 +42,18 @@ class Named:
 def converged(
     fitted: Posterior, catalogue: dict[str, Effect], levels: int, rejected: frozenset[int] | None = None,
 ) -> Named:
-    """The best set of causes, fitted, and everything seen from there: fitted and looked at again until it stays the best.
-    rejected: a set that is no candidate, alone or with more, because what it leaves is not noise."""
+    """The best set of causes, fitted, and everything seen from there: fitted and looked at again until it stays the best, or
+    that of the fits which is far likelier. rejected: a set that is no candidate, alone or with more, because what it leaves is
+    not noise."""
     fits: dict[tuple[frozenset[int], tuple[float, ...]], tuple[Posterior, frozenset[int]]] = {}
     lost: dict[frozenset[int], str] = {}
     best = None
+
+    def seen_from(fit: Posterior) -> Survey:
+        return survey(fit, catalogue, levels).without(set(lost), rejected)
+
     while True:
-        seen = survey(fitted, catalogue, levels).without(set(lost), rejected)
+        seen = seen_from(fitted)
         if not seen.hypotheses:
             return Named(seen, best, fitted, tuple(lost.values()))
         likeliest = seen.hypotheses[0]
@@ -58,7 +63,7 @@ def converged(
             # It stays the best, or has been it before: the sets take turns.
             found, key = fits[as_weighed]
             kept = next((each for each in seen.hypotheses if each.key == key), likeliest)
-            return Named(seen, kept, found, tuple(lost.values()))
+            return _by_their_fits(Named(seen, kept, found, tuple(lost.values())), list(fits.values()), seen_from)
         if len(fits) == MAX_ROUNDS or len(lost) == MOST_LOST:
             return Named(seen, best, fitted, tuple(lost.values()))
         # Laws that imitate each other share out what they have alike: which of them fits is seen by fitting them. A weight that
@@ -73,6 +78,38 @@ def converged(
         fits[as_weighed] = fitted, best.key
         # Its dictionary makes room for that of the next.
         del seen
+
+
+def _by_their_fits(
+    found: Named, fits: list[tuple[Posterior, frozenset[int]]], seen_from: Callable[[Posterior], Survey],
+) -> Named:
+    """What is found, or that of the fits on the way there which is far likelier: what a look grants a set whose shape is not
+    among those that are tried (the torque at which a gear slips) is less than what its fit comes to. Sets that were fitted are
+    as likely then as their fits are."""
+    if len(fits) == 1:
+        return found
+    entries = len(found.seen.dictionary.entries)
+
+    def value(fit: Posterior) -> float:
+        return log_evidence(fit) + log_prior(len(fit.terms), entries)
+
+    fitted, key = max(fits, key=lambda pair: value(pair[0]))
+    if value(fitted) <= value(found.fitted) + LIKELIER:
+        return found
+    seen = seen_from(fitted)
+    sets = {each.key: each for each in seen.hypotheses}
+    if key not in sets:
+        return found
+    by_fit: dict[frozenset[int], float] = {}
+    for fit, other in fits:
+        by_fit[other] = max(by_fit.get(other, -np.inf), log_evidence(fit))
+    less = {other: sets[other].log_evidence - sets[key].log_evidence + by_fit[key] - by_fit[other]
+            for other in by_fit if other in sets and not other <= key}
+    # A set and one more is seen beside the set, and is less likely with it.
+    taken = {each.key: max((less[other] for other in less if other <= each.key), default=0.0) for each in seen.hypotheses}
+    seen = seen.instead({each.key: replace(each, log_evidence=each.log_evidence - taken[each.key])
+                         for each in seen.hypotheses if taken[each.key]})
+    return replace(found, seen=seen, best=next(each for each in seen.hypotheses if each.key == key), fitted=fitted)
 
 
 def _clearly_best(fits: list[tuple[Posterior, Hypothesis]]) -> tuple[Posterior, Hypothesis]:

@@ -239,6 +239,13 @@ def test_eight_poses_name_what_a_large_noise_would_hide() -> None:
     assert any("times likelier than nothing" in line for line in found.lines())
 
 
+def test_friction_of_one_gear_is_not_that_of_all() -> None:
+    """Stick friction slips under less torque than is tried, and seen from its fit the friction of all gears, whose slip is tried
+    more closely, looked likelier: by its own fit it is e^22 times less likely."""
+    found = diagnosed(simulate(9300053, "few", "near", (Hidden("breakaway", 6, 1.314),), weight="known"))
+    assert [cause.label for cause in found.causes] == ["hysteresis[6]"]
+
+
 @pytest.mark.long
 def test_friction_seen_from_far_has_no_small_bumped_sensor_beside_it() -> None:
     """Its law is not exactly the dictionary's: 8 of 190 um from one row on are no step of a sensor."""

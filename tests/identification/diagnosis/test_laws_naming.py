@@ -20,7 +20,7 @@ from identification.diagnosis.naming import (
     with_open_laws,
     with_plainer_effects,
 )
-from identification.diagnosis.search import Hypothesis
+from identification.diagnosis.search import Hypothesis, Survey
 from tests.identification.diagnosis.sets_of_causes import survey
 
 
@@ -107,7 +107,7 @@ def test_sets_that_do_not_converge_are_no_candidates_and_eight_are_enough(monkey
                       for k in order if frozenset({k}) not in lost]
         return SimpleNamespace(hypotheses=hypotheses, name=lambda hypothesis: str(set(hypothesis.key)),
                                terms=lambda hypothesis: tuple(hypothesis.key), unweighed=lambda hypothesis: None,
-                               dictionary=SimpleNamespace(signatures=[SimpleNamespace(weight=0.0)] * 20))
+                               dictionary=SimpleNamespace(signatures=[SimpleNamespace(weight=0.0)] * 20, entries=()))
 
     def searched(orders: dict[str, list[int]], fits: dict[int, str]) -> tuple[Any, list[int]]:
         tried: list[int] = []
@@ -116,10 +116,12 @@ def test_sets_that_do_not_converge_are_no_candidates_and_eight_are_enough(monkey
 
         def attempt(data: Any, terms: tuple[int, ...], near: Any) -> Any:
             tried.append(terms[0])
-            return SimpleNamespace(name=fits[terms[0]], data=None) if terms[0] in fits else None
+            return SimpleNamespace(name=fits[terms[0]], data=None, terms=()) if terms[0] in fits else None
 
         monkeypatch.setattr(naming, "attempt", attempt)
         monkeypatch.setattr(naming, "kindred", lambda seen, hypothesis: (hypothesis,))
+        monkeypatch.setattr(naming, "log_evidence", lambda fit: 0.0)
+        monkeypatch.setattr(naming, "log_prior", lambda *of: 0.0)
         start: Any = SimpleNamespace(name="start", data=None)
         return converged(start, {}, 2), tried
 
@@ -135,6 +137,38 @@ def test_sets_that_do_not_converge_are_no_candidates_and_eight_are_enough(monkey
     # Two that take turns: the first of them that comes back.
     found, tried = searched({"start": [0], "f0": [1], "f1": [0]}, {0: "f0", 1: "f1"})
     assert (tried, found.best.key, found.fitted.name) == ([0, 1], frozenset({0}), "f0")
+
+
+@pytest.mark.parametrize(("gained", "best"), [(2.9, "later"), (3.1, "first")])
+def test_a_fit_on_the_way_that_is_far_likelier_is_the_one(
+    monkeypatch: pytest.MonkeyPatch, gained: float, best: str) -> None:
+    """A look from the first fit takes the later set for e^5 times likelier, with others beside it too; by their fits the first
+    one is e^3.1 times likelier, and then so are the sets that have the later one as much less likely than they looked."""
+    def look(*sets: tuple[tuple[int, ...], float]) -> Any:
+        hypotheses = tuple(Hypothesis(of, tuple(2 * k for k in of), value) for of, value in sets)
+        nothing: Any = None
+        entries: Any = SimpleNamespace(entries=range(9), signatures=[SimpleNamespace(weight=0.0)] * 18)
+        return Survey(nothing, entries, nothing, hypotheses).instead({})
+
+    looks = {"start": look(((0,), 9.0), ((1,), 8.0)), "later": look(((1,), 9.0), ((0,), 1.0)),
+             "first": look(((1,), 15.0), ((0,), 10.0), ((1, 2), 16.0), ((0, 2), 7.0))}
+    fits = {(0,): SimpleNamespace(name="first", data=None, terms="a", value=gained),
+            (1,): SimpleNamespace(name="later", data=None, terms="b", value=0.0)}
+    monkeypatch.setattr(Survey, "terms", lambda self, hypothesis: hypothesis.entries)
+    monkeypatch.setattr(Survey, "unweighed", lambda self, hypothesis: None)
+    for name, stub in (("survey", lambda fit, *of: looks[fit.name]), ("attempt", lambda data, terms, near: fits[terms]),
+                       ("kindred", lambda seen, hypothesis: (hypothesis,)), ("log_evidence", lambda fit: fit.value)):
+        monkeypatch.setattr(naming, name, stub)
+    start: Any = SimpleNamespace(name="start", data=None)
+    found: Any = converged(start, {}, 2)
+    assert found.fitted.name == best
+    told = {each.entries: each.log_evidence for each in found.seen.hypotheses}
+    if best == "first":
+        assert found.best.entries == (0,)
+        less = 5.0 + gained
+        assert told == {(0,): 10.0, (1,): pytest.approx(15.0 - less), (1, 2): pytest.approx(16.0 - less), (0, 2): 7.0}
+    else:
+        assert told == {(1,): 9.0, (0,): 1.0}
 
 
 def test_kin_differ_in_the_law_of_a_gear_alone() -> None:
