@@ -240,8 +240,8 @@ def test_eight_poses_name_what_a_large_noise_would_hide() -> None:
 
 
 def test_friction_of_one_gear_is_not_that_of_all() -> None:
-    """Stick friction slips under less torque than is tried, and seen from its fit the friction of all gears, whose slip is tried
-    more closely, looked likelier: by its own fit it is e^22 times less likely."""
+    """Stick friction slips under less torque than is tried, and seen from its fit the friction of all gears, whose slip is
+    tried more closely, looked likelier: by its own fit it is e^22 times less likely."""
     found = diagnosed(simulate(9300053, "few", "near", (Hidden("breakaway", 6, 1.314),), weight="known"))
     assert [cause.label for cause in found.causes] == ["hysteresis[6]"]
 
