@@ -36,7 +36,7 @@ def likeliest_fit(start: Posterior, catalogue: dict[str, Effect], levels: int) -
 
 def likelier_fit(found: Named) -> Posterior | None:
     """Of the other sets of as many causes that are likely too, the one whose fit is likelier than the best one's; None where
-    there is none. A noise that has grown for want of the cause takes up what tells them apart: each is held against its own."""
+    there is none."""
     if found.best is None:
         return None
     others = [hypothesis for hypothesis in found.seen.hypotheses
@@ -50,11 +50,7 @@ def likelier_fit(found: Named) -> Posterior | None:
 
 def held_against(found: Named, plain: Posterior, catalogue: dict[str, Effect]) -> tuple[Named, Posterior | None]:
     """What is found, with the sets of no more causes that are likeliest beside the noise of the plain model as likely as their
-    own fits are; and the likeliest of these fits where it is likelier than what was found, else None.
-
-    A noise that has grown for want of the cause takes up what tells another cause, and the usual one leaves that for a wrong
-    cause to explain: so each set is held against the others with the noise that it needs itself.
-    """
+    own fits are; and the likeliest of these fits where it is likelier than what was found, else None."""
     if found.best is None:
         return found, None
     value, size = log_evidence(found.fitted), len(found.best.entries)
