@@ -85,7 +85,9 @@ def _by_their_fits(
 ) -> Named:
     """What is found, or that of the fits on the way there which is far likelier: what a look grants a set whose shape is not
     among those that are tried (the torque at which a gear slips) is less than what its fit comes to. Sets that were fitted are
-    as likely then as their fits are."""
+    as likely then as their fits are. Beside a cause that every visit begins anew a look tells little of all others: such are
+    held against such alone (begun.py has the rest)."""
+    fits = [pair for pair in fits if _begun_anew(pair[0]) == _begun_anew(found.fitted)]
     if len(fits) == 1:
         return found
     entries = len(found.seen.dictionary.entries)
@@ -110,6 +112,11 @@ def _by_their_fits(
     seen = seen.instead({each.key: replace(each, log_evidence=each.log_evidence - taken[each.key])
                          for each in seen.hypotheses if taken[each.key]})
     return replace(found, seen=seen, best=next(each for each in seen.hypotheses if each.key == key), fitted=fitted)
+
+
+def _begun_anew(fitted: Posterior) -> bool:
+    """Whether every visit begins one of its causes in a state of its own."""
+    return any(term.effect.by_visit for term in fitted.terms)
 
 
 def _clearly_best(fits: list[tuple[Posterior, Hypothesis]]) -> tuple[Posterior, Hypothesis]:

@@ -139,11 +139,12 @@ def test_sets_that_do_not_converge_are_no_candidates_and_eight_are_enough(monkey
     assert (tried, found.best.key, found.fitted.name) == ([0, 1], frozenset({0}), "f0")
 
 
-@pytest.mark.parametrize(("gained", "best"), [(2.9, "later"), (3.1, "first")])
+@pytest.mark.parametrize(("gained", "alike", "best"), [(2.9, True, "later"), (3.1, True, "first"), (9.0, False, "later")])
 def test_a_fit_on_the_way_that_is_far_likelier_is_the_one(
-    monkeypatch: pytest.MonkeyPatch, gained: float, best: str) -> None:
+    monkeypatch: pytest.MonkeyPatch, gained: float, alike: bool, best: str) -> None:
     """A look from the first fit takes the later set for e^5 times likelier, with others beside it too; by their fits the first
-    one is e^3.1 times likelier, and then so are the sets that have the later one as much less likely than they looked."""
+    one is e^3.1 times likelier, and then so are the sets that have the later one as much less likely than they looked. One that
+    visits begin anew is not held against one that they do not."""
     def look(*sets: tuple[tuple[int, ...], float]) -> Any:
         hypotheses = tuple(Hypothesis(of, tuple(2 * k for k in of), value) for of, value in sets)
         nothing: Any = None
@@ -152,8 +153,9 @@ def test_a_fit_on_the_way_that_is_far_likelier_is_the_one(
 
     looks = {"start": look(((0,), 9.0), ((1,), 8.0)), "later": look(((1,), 9.0), ((0,), 1.0)),
              "first": look(((1,), 15.0), ((0,), 10.0), ((1, 2), 16.0), ((0, 2), 7.0))}
-    fits = {(0,): SimpleNamespace(name="first", data=None, terms="a", value=gained),
-            (1,): SimpleNamespace(name="later", data=None, terms="b", value=0.0)}
+    anew = (SimpleNamespace(effect=SimpleNamespace(by_visit=True)),)
+    fits = {(0,): SimpleNamespace(name="first", data=None, terms=anew, value=gained),
+            (1,): SimpleNamespace(name="later", data=None, terms=anew if alike else (), value=0.0)}
     monkeypatch.setattr(Survey, "terms", lambda self, hypothesis: hypothesis.entries)
     monkeypatch.setattr(Survey, "unweighed", lambda self, hypothesis: None)
     for name, stub in (("survey", lambda fit, *of: looks[fit.name]), ("attempt", lambda data, terms, near: fits[terms]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 from tests.desk_world import desk
@@ -74,7 +75,7 @@ def test_what_is_open_is_said_and_does_not_stop_a_correction(tmp_path: Path) -> 
                           "--forces", SAMPLES / "insert.forces.parquet", "-o", tmp_path / "part.mod")
     assert corrected.returncode == 0, corrected.stderr
     assert "CS1027" in corrected.stderr
-    assert "bearing tilt of joint 4 or bearing tilt of joint 5" in corrected.stderr
+    assert re.search("bearing tilt of joint [45] or bearing tilt of joint [45]", corrected.stderr)
 
 
 def test_a_small_mistake_that_passes_for_set_ups_is_said(tmp_path: Path) -> None:
