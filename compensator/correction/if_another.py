@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compensator.correction.loaded_path import LoadedPath
-from compensator.forces.log import StockCut
+from compensator.forces.predicted_forces import StockCut
 from identification.common.arrays import Array, rms
 from identification.model.compliance import position_compliance
 

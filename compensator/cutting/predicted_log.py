@@ -11,7 +11,8 @@ import numpy as np
 from compensator.cutting.coefficients import Coefficients, check_same
 from compensator.cutting.cut import Cut, cut_of
 from compensator.cutting.stock_file import read_stock
-from compensator.forces.log import ForceLog, PredictedForces, StockCut
+from compensator.forces.log import ForceLog
+from compensator.forces.predicted_forces import PredictedForces, StockCut
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding
 from identification.model.cell import Cell, ForceLogFrame

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from compensator.forces import revolutions
 from compensator.forces.health import EVEN, Health
+from compensator.forces.predicted_forces import PredictedForces
 from compensator.forces.ripple import Ripple, ripple_of
 from compensator.forces.source import TIMES, ForceSource, Key, Samples, open_force_log, placed_by
 from identification.common.arrays import Array, read_only
@@ -29,31 +30,6 @@ A_STRETCH = 0.1
 MOST_TURNS = 24
 # A milling spindle that turns slower has its speed in another unit.
 SLOWEST_RPM = 100.0
-
-
-@dataclass(frozen=True, eq=False)
-class StockCut:
-    """The cut that predicted forces are of, as it is stated: in words, its width (N,) across the feed at the targets and the
-    cutter's diameter [m]."""
-
-    words: str
-    width: Array
-    diameter: float
-
-
-@dataclass(frozen=True, eq=False)
-class PredictedForces:
-    """Of forces that were worked out in S steps of a path, base frame. step (M,): that of each row of the log; covariance
-    (S, 3, 3) [N^2]: what is not known of them along a whole stretch; follows (S, 3, 3) [N/m]: what they change by where the
-    tool stands off its plan. cut: None where nothing is cut."""
-
-    step: Indices
-    covariance: Array
-    follows: Array
-    cut: StockCut | None = None
-
-    def __post_init__(self) -> None:
-        read_only(self.step, self.covariance, self.follows)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from identification.diagnosis.by_own_fits import held_against, likelier_fit, lik
 from identification.diagnosis.detect import Detection, goodness_of_fit
 from identification.diagnosis.naming import LIKELIER, Named, converged, with_plainer_effects
 from identification.diagnosis.search import Hypothesis, log_prior
-from identification.fit.misfit import GRANTED_AFTER_NAMING, beyond_stated
+from identification.fit.misfit import GRANTED_AFTER_NAMING, ONE_SIDED_95, beyond_stated
 from identification.fit.mistakes.evidence import log_evidence, under_ordinary_noise
 from identification.fit.noise import SENSOR
 from identification.fit.posterior import Posterior
@@ -25,7 +25,7 @@ SET_UP_ANEW = 3.0
 # ln of how much likelier other causes must be than ones that explain the rows: real laws are none of the dictionary's.
 FAR_LIKELIER = 10.0
 # Or sensors that scatter by so many times what is stated, with 95 % confidence: data sheets are seldom off by as much.
-LOUDER, ONE_SIDED_95 = 1.5, 1.645
+LOUDER = 1.5
 # So may sensors that remember so many times what is usual, and tails so heavy.
 REMEMBERS, HEAVY = 10.0, 3.0
 MOST_CAUSES = 3
