@@ -55,8 +55,9 @@ def left_out(model: Posterior, groups: NDArray[np.intp]) -> Array:
     residual = np.asarray(residual - np.einsum("nij,nj->ni", slope, step[groups]))
     if model.terms:
         sensor = model.components.sensor * rms(model.data.cell.noise.deflection)
-        for group, moved in enumerate(step):
-            mine = groups == group
+        read = np.bincount(groups, ~np.isnan(residual).all(axis=1)) > 0
+        for group in np.flatnonzero(read):
+            mine, moved = groups == group, step[group]
             rows, along = model.data.with_rows(model.data.rows.select(mine)), residual[mine]
             there = rows.rows.deflection - predicted_deflection(rows, prior.inside(model.map + moved), model.terms)
             if rms(there - along) > NO_SLOPE * max(min(rms(there), rms(along)), sensor):

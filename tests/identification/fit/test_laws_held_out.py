@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,10 @@ def test_a_law_with_corners_is_predicted_in_full(tmp_path) -> None:
     model = posterior(data, [Term(law, None, start, typical, neutral)], posterior(data))
     groups = poses(data.rows)
     held = left_out(model, groups)
+    # A pose of which nothing was read has nothing left, and nothing is said of it.
+    unread = np.where((groups == 3)[:, None], np.nan, data.rows.deflection)
+    nothing = left_out(replace(model, data=data.with_rows(replace(data.rows, deflection=unread))), groups)
+    assert np.array_equal(np.isnan(nothing).all(axis=1), groups == 3)
     for number in (5, 10):      # the first is the one that the slope was most off for
         out = groups == number
         rest = posterior(data.with_rows(data.rows.select(~out)), model.terms, model)
