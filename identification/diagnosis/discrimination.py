@@ -37,8 +37,8 @@ Indices = NDArray[np.intp]
 # Fitted models and their probabilities by label, the likeliest first.
 Rivals = dict[str, tuple[Posterior, float]]
 CANDIDATES = 120
-# How many rivals are fitted to find loads that separate them.
-MOST_RIVALS = 4
+# The rivals that are fitted hold so much of the probability together, or are so many.
+HELD, MOST_RIVALS = 0.95, 12
 # The cycle of one candidate, shares of the largest load: both signs, three magnitudes, back to zero.
 CYCLE = (0.0, 0.33, 0.67, 1.0, 0.0, -0.5, -1.0, 0.0)
 DWELL_S = (10.0, 60.0)
@@ -160,11 +160,14 @@ def _best(separation: Separation, chosen: list[int], group: Indices) -> int:
 
 def rivals_of(data: LoadTest, survey: Survey, near: Posterior) -> Rivals:
     """The likeliest hypotheses fitted to the data, with their probabilities; near: a fit to begin near."""
-    rivals = {}
+    rivals, held, total = {}, 0.0, sum(hypothesis.probability for hypothesis in survey.hypotheses)
     for hypothesis in survey.hypotheses[:MOST_RIVALS]:
         fitted = attempt(data, survey.terms(hypothesis), near)
         if fitted is not None:
             rivals[survey.name(hypothesis)] = (fitted, hypothesis.probability)
+        held += hypothesis.probability
+        if held >= HELD * total and len(rivals) > 1:
+            break
     return rivals
 
 

@@ -69,26 +69,27 @@ class Posterior:
     @cached_property
     def trials(self) -> Trials:
         """Variance components spread over what the rows leave open of them."""
-        return averaged_trials(self.at_map, self.components, self._sag)
+        return averaged_trials(self.at_map, self.components, self.beside)
 
     @cached_property
     def draws(self) -> Draws:
         """Weighted draws of x, the variance components integrated out."""
-        return posterior_draws(self.at_map, self.components, self.trials, self._sag)
+        return posterior_draws(self.at_map, self.components, self.trials, self.beside)
 
     @cached_property
-    def _sag(self) -> Array:
-        """Columns (n, 3, m) of the arm's unknown weight, in the noise's coordinates; none with the published prior."""
+    def beside(self) -> Array:
+        """Columns (n, 3, m) of the arm's unknown weight, in the noise's coordinates, which are free beside the model; none with
+        the published prior."""
         sag = sag_columns(self.load_state, self.at_map.noise)
         return sag[:, :, :0] if self.prior.kind == "gaussian" else sag
 
     @cached_property
     def likeliest(self) -> Array:
         """x (6 + P,) at which the rows are likeliest with the arm's unknown weight free beside it."""
-        if not self._sag.shape[2]:
+        if not self.beside.shape[2]:
             return self.map
         model = _FittedModel(self.data, self.terms, np.nan_to_num(self.data.rows.deflection), self.prior)
-        return _read_only(_maximise(model, self.at_map, BesideWeight(self.weights, self._sag)).x)
+        return _read_only(_maximise(model, self.at_map, BesideWeight(self.weights, self.beside)).x)
 
     @cached_property
     def mean(self) -> Array:

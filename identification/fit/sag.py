@@ -46,7 +46,8 @@ def sag_columns(state: LoadState, sight: Sight) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class BesideWeight:
-    """Sigma^-1 of the rows with what the arm's own weight may do among their errors: columns (n, 3, m) of 1 sigma each."""
+    """Sigma^-1 of the rows with what the arm's own weight may do among their errors: columns (n, 3, m) of 1 sigma each,
+    none where it is known."""
 
     weights: Weights
     columns: Array
@@ -57,5 +58,7 @@ class BesideWeight:
 
     def inner(self, left: Array, right: Array) -> Array:
         """left^T Sigma^-1 right (p, q) of columns (n, 3, p) and (n, 3, q)."""
+        if not self.columns.shape[2]:
+            return self.weights.inner(left, right)
         taken = np.linalg.solve(self._own, self.weights.inner(self.columns, right))
         return np.asarray(self.weights.inner(left, right) - self.weights.inner(self.columns, left).T @ taken)

@@ -16,10 +16,10 @@ ORDINARY = 2.0
 
 
 def log_evidence(fitted: Posterior) -> float:
-    """ln p(rows) by Laplace, but for what models of the same rows have in common; rows that count for little cost what their
-    heavy tails cost."""
+    """ln p(rows) by Laplace, the arm's unknown weight integrated out too, but for what models of the same rows have in common;
+    rows that count for little cost what their heavy tails cost."""
     at = fitted.at_map
-    given_noise = float(ComponentPosterior(at)(fitted.components.logs[None])[0][0])
+    given_noise = float(ComponentPosterior(at, fitted.beside)(fitted.components.logs[None])[0][0])
     free = np.flatnonzero(at.noise.active)
     volume = 0.5 * float(np.linalg.slogdet(2 * np.pi * fitted.components_covariance[np.ix_(free, free)])[1])
     prior = 0.5 * float(np.linalg.slogdet(at.prior.precision(at.x))[1]) - at.prior.value(at.x)

@@ -16,8 +16,9 @@ from identification.fit.mistakes.evidence import log_evidence, ordinary
 from identification.fit.mistakes.look import WORTH, Guess, Look, log_lost
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.sizes import Size
-from identification.fit.noise import OPTIONAL, Weights
+from identification.fit.noise import OPTIONAL
 from identification.fit.posterior import Posterior, posterior
+from identification.fit.sag import BesideWeight
 from identification.model.effects_in_force import EFFECTS
 
 Array = NDArray[np.float64]
@@ -123,7 +124,7 @@ def _hopeful(plain: Posterior, sized: tuple[Guess, ...]) -> list[Guess]:
     usual = plain
     if any(plain.at_map.noise.active[part] for part in OPTIONAL):
         usual = plain.with_usual_noise
-    weights = usual.at_map.noise.weights(ordinary(usual), usual.at_map.row_weight)
+    weights = BesideWeight(usual.at_map.noise.weights(ordinary(usual), usual.at_map.row_weight), usual.beside)
     support = [_support_near_none(usual, weights, guess) for guess in sized]
     best: dict[str, Guess] = {}
     for k in np.argsort(support)[::-1]:
@@ -180,7 +181,7 @@ def _fitted(plain: Posterior, guess: Guess) -> Candidate | None:
     return Candidate(guess.mistake, data, guess.rows, models, evidence + guess.log_prior, left / guess.mistake.scale)
 
 
-def _support_near_none(plain: Posterior, weights: Weights, guess: Guess) -> float:
+def _support_near_none(plain: Posterior, weights: BesideWeight, guess: Guess) -> float:
     """ln of how much likelier than none a mistake with a size is, prior included, linearised at none under noise of these
     weights: the quick look knows nothing of what the readings of a visit share."""
     assert guess.size is not None
@@ -217,5 +218,6 @@ def _with_size(plain: Posterior, guess: Guess) -> Candidate:
     values = moved + off
     # The prior of the size is about none, wherever the second fit began.
     prior = guess.log_prior + 0.5 * float(np.sum((off / width) ** 2 - (values / width) ** 2))
+    # Its size is the one beside the arm's unknown weight.
     return Candidate(guess.mistake, data, None, (model,), log_evidence(model) + prior, left_out(model, poses(data.rows)),
-                     FoundSize(size, guess.joint, values, model))
+                     FoundSize(size, guess.joint, moved + model.likeliest[EFFECTS], model))

@@ -112,6 +112,20 @@ def test_what_a_choice_makes_of_the_robot_is_the_largest_difference_of_two(monke
     assert between_rivals.robot_difference(models[:1]) == 0.0
 
 
+@pytest.mark.parametrize(("shares", "fitted"), [
+    ([0.6, 0.3, 0.06, 0.04], 3), ([0.97, 0.03], 2), ([0.05] * 20, 12), ([0.3, 0.15, 0.04, 0.01], 3), ([0.05] * 8, 8)])
+def test_rivals_hold_nearly_all_of_what_is_left_open(monkeypatch: pytest.MonkeyPatch, shares: list[float], fitted: int) -> None:
+    """0.95 of the probability that the sets have together, two of them at least and twelve at most; not those of which no fit
+    converges."""
+    sets = [SimpleNamespace(name=f"set {k}", probability=share) for k, share in enumerate(shares)]
+    seen = SimpleNamespace(hypotheses=sets, terms=lambda one: one, name=lambda one: one.name)
+    monkeypatch.setattr(between_rivals, "attempt", lambda data, terms, near: f"fit of {terms.name}")
+    assert between_rivals.rivals_of("rows", seen, "near") == {
+        f"set {k}": (f"fit of set {k}", shares[k]) for k in range(fitted)}
+    monkeypatch.setattr(between_rivals, "attempt", lambda data, terms, near: None)
+    assert between_rivals.rivals_of("rows", seen, "near") == {}
+
+
 def test_the_rivals_of_the_file_are_those_of_the_diagnosis(hard):
     folder, cell, rows, found = hard
     told = read_diagnosis(folder / "diagnosis.json", cell)

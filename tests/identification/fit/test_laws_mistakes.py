@@ -13,10 +13,12 @@ import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from scipy.optimize import minimize
+from scipy.stats import multivariate_normal
 
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes import judge, readings, units
 from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
+from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.mistakes.first_look import first_look
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.judge import Mistakes, common_factor_findings, mistakes_in
@@ -344,6 +346,23 @@ def test_a_size_costs_what_its_readings_tell_it(data: LoadTest) -> None:
         cost = len(best) * np.log(np.sqrt(data.rows.deflection.size))
         assert guess.score - guess.log_prior == pytest.approx(score - cost)
         assert guess.log_prior < 0
+
+
+def test_what_the_arm_s_unknown_weight_does_is_no_evidence(data: LoadTest) -> None:
+    """It is integrated out: the rows are as likely as a normal distribution with the weight's ten columns in its covariance
+    makes them."""
+    fitted = posterior(data)
+    at, columns = fitted.at_map, fitted.beside.reshape(-1, 10)
+    design, residual = at.design.reshape(len(columns), -1), at.residual.ravel()
+    precision = at.prior.precision(at.x)
+    sigma = np.linalg.inv(fitted.weights.apply(np.eye(len(columns)).reshape(*at.residual.shape, -1)).reshape(len(columns), -1))
+    springs = sigma + design @ np.linalg.solve(precision, design.T)
+    expected = design @ -np.linalg.solve(precision, at.prior.gradient(at.x))
+    with_weight, without = (multivariate_normal(expected, 0.5 * (every + every.T)).logpdf(residual)
+                            for every in (springs + columns @ columns.T, springs))
+    known = posterior(data)
+    known.__dict__["beside"] = fitted.beside[:, :, :0]
+    assert log_evidence(fitted) - log_evidence(known) == pytest.approx(with_weight - without, abs=1e-6)
 
 
 def test_a_relative_error_that_is_stated_alone_counts(data: LoadTest) -> None:

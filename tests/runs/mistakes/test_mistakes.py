@@ -98,15 +98,15 @@ def test_one_gauge_that_ends_before_the_others_do_is_named(tmp_path: Path) -> No
     assert f"readings of d{'xyz'[axis]} of {end:.0f} um" in mistake["sentence"]
 
 
-# Long: the same crowding out, by another robot.
-@pytest.mark.parametrize(("robot", "seed"), [
-    pytest.param("irb4400-60", 5600001, marks=pytest.mark.long), ("irb6640-235-2.55", 5600006)])
-def test_a_tcp_that_is_off_is_no_soft_spindle(tmp_path: Path, robot: str, seed: int) -> None:
+# Long: the same crowding out by another robot, where its unknown weight may have moved the readings nearly as well.
+@pytest.mark.parametrize(("robot", "seed", "verdict"), [
+    ("irb4400-60", 5600001, "mistake"), pytest.param("irb6640-235-2.55", 5600006, "ambiguous", marks=pytest.mark.long)])
+def test_a_tcp_that_is_off_is_no_soft_spindle(tmp_path: Path, robot: str, seed: int, verdict: str) -> None:
     """20 mm of one coordinate, little more than the noise, which visits share. A load under which nothing was zeroed had
     crowded it out of the quick look, and three free coordinates had been held against the one number of a spindle."""
     spoiled, _ = MISTAKES["TCP 20 mm"](right(seed, robot), np.random.default_rng([seed, 3]))
     found = diagnosed(tmp_path, *spoiled.write(tmp_path))
-    assert found["verdict"] == "mistake"
+    assert found["verdict"] == verdict
     (mistake,) = found["mistakes"]
     assert (mistake["mistake"], list(mistake["parameters"])) == ("tcp", ["z"])
     size = mistake["parameters"]["z"]
