@@ -19,6 +19,7 @@ from identification.common.arrays import Array, rms
 from identification.common.command_line import call
 from identification.common.findings import counted, verb
 from identification.common.report import Key, Step, Verdict, count_words
+from identification.model.controller import runs_rapid
 
 
 def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
@@ -148,6 +149,9 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None, offsets: Path | 
                           "--tolerance-um", 100, "--report", f"{stem}.verify.html")),
                 Step("No tolerance was stated. Put yours in place of 100, and see before milling whether it will be kept:",
                      tolerance)]
+    if not runs_rapid(planned.path.cell.robot):
+        return [Step(f"Programs of {planned.path.cell.robot.name} are not written here: its controller runs no RAPID. The "
+                     "deviation file says, target by target and in the base frame, how far the tool is pushed off.")]
     if budget is None:
         return [Step("Write the corrected program:", correct),
                 Step("Or see first whether your tolerance will be kept (put it in place of 100):", tolerance)]

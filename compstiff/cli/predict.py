@@ -52,6 +52,7 @@ def predict(
     from compensator.posting.suffixes import rapid_suffix, toolpath_stem
     from compstiff import Inputs, deviation_csv, error_budget
     from identification.common.files import check_writable, write_whole
+    from identification.model.controller import runs_rapid
 
     if budget != (tolerance_um is not None):
         raise click.UsageError("--budget and --tolerance-um go together.")
@@ -77,10 +78,10 @@ def predict(
     findings = (*predicted.findings, *(driven_as_said(predicted) if forces_file and not budget else ()))
     if spent is not None:
         figures, findings, lines = figures | {"budget": spent.as_dict()}, (*findings, *spent.findings), [*lines, *spent.lines()]
-    return Outcome(figures, findings, lines,
-                   next_step=call("correct", cell_file, toolpath_file, "--stiffness", stiffness_file,
-                                  *(["--forces", forces_file] if forces_file else []), *settings.as_options(), "-o",
-                                  f"{toolpath_stem(toolpath_file)}_corrected{rapid_suffix(toolpath_file)}"))
+    following = call("correct", cell_file, toolpath_file, "--stiffness", stiffness_file,
+                     *(["--forces", forces_file] if forces_file else []), *settings.as_options(), "-o",
+                     f"{toolpath_stem(toolpath_file)}_corrected{rapid_suffix(toolpath_file)}")
+    return Outcome(figures, findings, lines, next_step=following if runs_rapid(predicted.path.cell.robot) else "")
 
 
 def _of_the_cut(settings: Settings) -> tuple[object, ...]:
