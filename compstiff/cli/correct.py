@@ -102,6 +102,7 @@ def _log_beside(toolpath_file: Path) -> Path:
 
 
 def _correct_one(session: Session, inputs: Inputs, outputs: Outputs, settings: Settings) -> Outcome:
+    from compensator.posting.modules import in_modules, told_in_modules
     from compstiff import correct_files
     from identification.common.files import check_distinct
 
@@ -113,10 +114,11 @@ def _correct_one(session: Session, inputs: Inputs, outputs: Outputs, settings: S
     session.inputs += [*inputs.files(), *(path for _, path in settings.files())]
     if settings.correction.first_forces and not settings.correction.logged_with:
         raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
-    corrected = correct_files(inputs, outputs, settings, overwrite=session.overwrite)
+    with told_in_modules(inputs.toolpath):
+        corrected = correct_files(inputs, outputs, settings, overwrite=session.overwrite)
     step = (f"open {outputs.report} in a browser" if outputs.report
             else f"load {outputs.program}{_parts_of(outputs)} into the robot, first in air")
-    return Outcome(corrected.as_dict(), corrected.findings, corrected.lines(), step)
+    return Outcome(corrected.as_dict(), in_modules(corrected.findings, inputs.toolpath), corrected.lines(), step)
 
 
 def _parts_of(outputs: Outputs) -> str:

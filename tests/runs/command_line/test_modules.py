@@ -88,6 +88,13 @@ def test_the_modules_of_a_job_are_corrected_by_one_log(tmp_path: Path, order: tu
     run = corrected(tmp_path, "job.mod", "out/part.mod", "--modules", "--keep-targets", "--offsets", tmp_path / "offsets.csv")
     assert run.code == 0, run
     assert not {"CS2016", "CS3124", "CS3007"} & kit.codes(run)
+    # Where a target stands is told in the file that its user has.
+    forced = [finding for finding in run.json["findings"] if finding["code"] == "CS4115" or finding["target"] is not None]
+    assert forced
+    for finding in forced:
+        line = (tmp_path / Path(finding["file"]).name).read_text().splitlines()[finding["line"] - 1]
+        assert finding["file"] in ("part.mod", "way.mod"), finding
+        assert line.lstrip().startswith("Move"), finding
     first = 10 if order[0] == "way.mod" else 0              # targets count in the order of the files
     np.testing.assert_allclose(deviations(tmp_path)[first + 15], meant(25, OTHER), atol=0.5)
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["part.mod", "part.mod.json", "way.mod"]
