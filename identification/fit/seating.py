@@ -34,8 +34,9 @@ def moving_zero(fitted: Posterior) -> list[Finding]:
         return []
     where = ", ".join(f"{_name(rows, noise.visit == visit)} by {off[visit]:.0f} um" for visit in np.argsort(-off)[:MOST])
     against = "cell.yaml states" if stated else "is usual (cell.yaml states none)"
+    told = float(f"{size:.2g}")
     return [Finding("CS1734", "warning", f"the zero moves between the poses: all readings of a pose are off together, by "
-                    f"{float(f'{size:.2g}'):g} um, {components.offset:.1f} times the {usual:.2g} um of re-seating that {against}; farthest "
+                    f"{told:g} um, {components.offset:.1f} times the {usual:.2g} um of re-seating that {against}; farthest "
                     f"{where}", file=rows.source,
                     hint="read the unloaded zero anew at every pose, just before the loads, and take it off the pose's "
                     "readings; see whether a sensor, its stand or the target was touched between poses")]

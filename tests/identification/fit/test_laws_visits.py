@@ -307,7 +307,8 @@ def reseated(off: np.ndarray, ratio: float, stated: bool) -> Any:
     """A fit of four visits, off by (4, 3) [m] each, whose re-seating was put at `ratio` times 4 um."""
     rows = SimpleNamespace(machined_pass=np.full(8, ""), source="m.csv", pose=np.repeat(["A", "B", "", "D"], 2),
                            line=np.arange(2, 10))
-    noise = SimpleNamespace(visit=np.repeat(np.arange(4), 2), measured=np.ones((8, 3), dtype=bool), offset=np.full((4, 3), 4e-6))
+    noise = SimpleNamespace(visit=np.repeat(np.arange(4), 2), measured=np.ones((8, 3), dtype=bool),
+                            offset=np.full((4, 3), 4e-6))
     return SimpleNamespace(
         at_map=SimpleNamespace(noise=noise, residual=None), components=SimpleNamespace(offset=ratio),
         components_log_std=np.full(9, 0.5), weights=SimpleNamespace(offsets=lambda residual: off),
