@@ -32,7 +32,7 @@ class CellAnswers:
 
     robot: a built-in name, or the path of a robot file, which is copied into the folder. weights: of a load test by hung
     weights, as `design --dead-weight` takes them; "": the loads come from a cylinder or a jack. serial_number: of the robot,
-    "": not known.
+    "": not known. material: that is milled; contact: how long the edge is in the cut, along the tool's axis.
 
     >>> compstiff.CellAnswers("irb6660-205-1.90", (120, 0, 250)).force_frame
     'base'
@@ -51,6 +51,9 @@ class CellAnswers:
     sensor_quaternion: Triple | None = None
     force_sign: str = "on_tool"
     spindle_rpm: float | None = None
+    material: str | None = None
+    cutter_diameter: float | None = None
+    contact: float | None = None
 
 
 @dataclass(frozen=True)

@@ -68,21 +68,28 @@ def _of_json(file: Path) -> Kind:
 
 def columns_of(file: Path) -> tuple[str, ...]:
     """The names in the header of a table. Raises CompstiffError: CS0005, CS0201, CS0202, CS3020 no header."""
+    return _headers(file)[0]
+
+
+def _headers(file: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The names in the first row, and those just above the numbers where a logger wrote more than one row above them."""
     if file.suffix.lower() in (".parquet", ".pq"):
         from identification.common.number_blocks import parquet_names
 
-        return parquet_names(file)[0]
+        return parquet_names(file)[0], ()
     from identification.common.table_layout import read_layout
 
-    return read_layout(file).names
+    layout = read_layout(file)
+    return layout.names, layout.above
 
 
 def _of_table(file: Path, form: ForceLogFile) -> Kind:
     if form.columns is not None and LOG_NAME in file.name.lower():
         return "force log"      # its columns stand in cell.yaml, whatever its first line says
-    header = set(columns_of(file))
+    first, above = _headers(file)
+    header = set(first)
     # By another header, such as Fx [N]: its reader says what the columns should be called.
-    names = header | {column for column, _ in map(meant, header) if column}
+    names = header | {column for column, _ in map(meant, (*first, *above)) if column}
     if any(name.endswith(("_motor_deg", "_link_deg")) for name in names):
         return "joint log"
     joints = len(names & {*JOINTS})         # one name may be wrong

@@ -14,7 +14,7 @@ from identification.common.files import sha256
 from identification.common.findings import CompstiffError, Finding, error, fold
 from identification.common.tables import MOST_COMPLAINTS, Table, read_table
 from identification.model.cell import Cell
-from identification.model.gravity import fall_in_base
+from identification.model.gravity import FREE_FALL, fall_in_base
 from identification.model.robot import RobotModel
 
 Array = NDArray[np.float64]
@@ -30,6 +30,8 @@ LARGEST_LOAD, SMALLEST_SIGMA = 1e9, 1e-15
 COARSE = 0.5
 # Nobody waits so long [s] for each row of a load test: seconds were taken for milliseconds (engineering judgement).
 LONGEST_ROW_S = 1800.0
+# Nobody brings more weights to a load test: more masses are the same ones, each weighed with its hook.
+MOST_WEIGHTS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +74,16 @@ class Measurements:
     def made_from(self) -> tuple[dict[str, str], ...]:
         """The file they stand in, by name and SHA-256, as a stiffness file has it; nothing where they are of none."""
         return ({"file": Path(self.source).name, "sha256": self.sha256},) if self.sha256 else ()
+
+    @property
+    def weights(self) -> tuple[str, ...]:
+        """`design --dead-weight` with the weights of these rows, each alone; nothing where any load was none, or over six
+        were."""
+        loaded = np.any(self.wrench != 0, axis=1)
+        if self.hung is None or not self.hung[loaded].all():
+            return ()
+        masses = np.unique(np.round(np.linalg.norm(self.wrench[loaded, :3], axis=1) / FREE_FALL, 2))
+        return ("--dead-weight", ",".join(f"{mass:g}" for mass in masses)) if 0 < len(masses) <= MOST_WEIGHTS else ()
 
     def select(self, rows: NDArray[np.bool_]) -> Measurements:
         """The rows where `rows` (N,) is True."""

@@ -18,6 +18,7 @@ from compensator.correction.predict import Predicted
 from compensator.correction.remedies import Remedy, remedies
 from identification.common.arrays import rms
 from identification.common.findings import Finding, counted, verb
+from identification.model.controller import check_rapid
 
 Array = NDArray[np.float64]
 SIGMAS = 2.0
@@ -117,6 +118,7 @@ def error_budget(predicted: Predicted, tolerance: float) -> Budget:
     >>> budget.as_dict()["uncorrected_over"] > 1000, len(budget.remedies) > 3
     (True, True)
     """
+    check_rapid(predicted.path.cell.robot, "an error budget is that of a corrected RAPID program")
     corrected = correct(predicted)
     budget = Budget(corrected, tolerance, _places(corrected, tolerance), (), ())
     found = remedies(corrected) if len(corrected.left.model) else []

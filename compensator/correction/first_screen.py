@@ -19,6 +19,7 @@ from identification.common.arrays import Array, rms
 from identification.common.command_line import call
 from identification.common.findings import counted, verb
 from identification.common.report import Key, Step, Verdict, count_words
+from identification.model.controller import runs_rapid
 
 
 def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
@@ -30,8 +31,13 @@ def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
     if budget is not None:
         return _against(budget)
     if isinstance(job, Predicted):
-        return Verdict("open", "NOT CORRECTED", f"Without correction the tool is pushed off its path by up to "
-                       f"{before['largest']:.0f} µm ({before['rms']:.0f} µm RMS).")
+        sentence = (f"Without correction the tool is pushed off its path by up to {before['largest']:.0f} µm "
+                    f"({before['rms']:.0f} µm RMS).")
+        unsure = 2 * figures["deviation_std_um"]["rms"]
+        if unsure > before["rms"]:
+            return Verdict("caution", "NOT CORRECTED, AND NOT KNOWN WELL", f"{sentence} That is uncertain by {unsure:.0f} µm "
+                           "RMS (2 sigma): a stiffness, or the force, is not known well.")
+        return Verdict("open", "NOT CORRECTED", sentence)
     left = figures["expected_left_um"]
     sentence = (f"The tool was pushed off its path by {before['rms']:.0f} µm RMS, {before['largest']:.0f} µm at most. After "
                 f"this "
@@ -148,6 +154,9 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None, offsets: Path | 
                           "--tolerance-um", 100, "--report", f"{stem}.verify.html")),
                 Step("No tolerance was stated. Put yours in place of 100, and see before milling whether it will be kept:",
                      tolerance)]
+    if not runs_rapid(planned.path.cell.robot):
+        return [Step(f"Programs of {planned.path.cell.robot.name} are not written here: its controller runs no RAPID. The "
+                     "deviation file says, target by target and in the base frame, how far the tool is pushed off.")]
     if budget is None:
         return [Step("Write the corrected program:", correct),
                 Step("Or see first whether your tolerance will be kept (put it in place of 100):", tolerance)]

@@ -94,12 +94,24 @@ def needed_points(grid: Grid, wanted: Wanted) -> tuple[Mask, Indices]:
         worst = np.maximum.reduceat(excess, at)
         coarse = _coarse(grid, wanted, arcs, wanted.position - line, followed)
         if not (worst > 0).any() and not coarse.any():
+            have[at[_idle(grid, wanted, arcs, at, value)]] = False
             return have, arcs
         chosen = np.flatnonzero((excess > 0) & (excess == worst[before]))
         have[chosen[np.unique(before[chosen], return_index=True)[1]]] = True
         first, step = arcs[coarse, 0], arcs[coarse, 1]
         arcs = np.concatenate([arcs[~coarse], np.column_stack([first, step // 2]), np.column_stack([first + step, step // 2])])
         have[arcs.sum(axis=1)] = True
+
+
+def _idle(grid: Grid, wanted: Wanted, arcs: Indices, at: Indices, value: Array) -> Mask:
+    """Which of the points `at` (K,) that were added stay where they are, values (K, 3) of nothing, between points that do so
+    too: a force that leaves at once had asked for them, until its own target stood in the air. None of an arc, and none beside
+    a target that would be moved were it alone."""
+    still = ~value.any(axis=1)
+    left_alone = still & ~(~grid.further[at] & wanted.own[at].any(axis=1))
+    bent = np.unique(arcs[:, :1] + arcs[:, 1:] * np.arange(3))
+    return np.asarray(still & grid.further[at] & ~np.isin(at, bent) & np.append(left_alone[1:], False)
+                      & np.insert(left_alone[:-1], 0, False))
 
 
 def _apart(wanted: Wanted, at: Indices, before: Indices) -> Mask:

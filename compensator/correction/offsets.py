@@ -44,10 +44,14 @@ def offset_blocks(corrected: Corrected) -> Iterator[bytes]:
     given = np.searchsorted(kept, correction.targets)
     own = np.flatnonzero(kept[np.minimum(given, len(kept) - 1)] == correction.targets)
     at = given[own]
+    # Beside targets that were added the share of the log that is a target's own may show no force, as where the tool leaves.
+    silent = np.setdiff1d(corrected.planned.targets, at)
+    unknown = _held(corrected.planned)
+    unknown[silent] = True
     return _blocks(corrected.planned, [_Columns("ox_mm oy_mm oz_mm", correction.offset, 6, 1e3, at, own),
                                        _Columns("orx_deg ory_deg orz_deg", correction.turn, 8, np.degrees(1.0), at, own)],
-                   [_Columns("left_um cut_um", np.column_stack([left.std, left.cut]), 4, 1e6, at, own,
-                             _held(corrected.planned))], {ADDED: added_text(kept, corrected.predicted.path.length)})
+                   [_Columns("left_um cut_um", np.column_stack([left.std, left.cut]), 4, 1e6, at, own, unknown)],
+                   {ADDED: added_text(kept, corrected.predicted.path.length)}, silent)
 
 
 def deviation_csv(predicted: Predicted) -> bytes:
@@ -89,7 +93,8 @@ class _Columns:
 
 
 def _blocks(
-    predicted: Predicted, more: list[_Columns], last: list[_Columns], texts: dict[str, NDArray[np.object_]]
+    predicted: Predicted, more: list[_Columns], last: list[_Columns], texts: dict[str, NDArray[np.object_]],
+    silent: Indices | None = None,
 ) -> Iterator[bytes]:
     import pyarrow as pa
     from pyarrow import csv
@@ -106,6 +111,8 @@ def _blocks(
                  for names, values in (("dx_um dy_um dz_um", prediction.at_rest),
                                        ("sx_um sy_um sz_um", prediction.at_rest_std)))]
     notes = _notes(predicted, left)
+    if silent is not None:
+        notes[silent] = "no force right at it: not corrected"
     for start in range(0, max(len(toolpath), 1), CHUNK):
         rows = slice(start, min(start + CHUNK, len(toolpath)))
         table = pa.table({

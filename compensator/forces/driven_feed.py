@@ -16,6 +16,8 @@ from identification.common.findings import Finding
 SLOW, FAST = 0.75, 1.25
 # So many moves of the cut at least, and so many samples in each: the places of a log scatter by a sample either way.
 FEWEST, SAMPLES = 20, 8
+# A time in another unit, off by 60 and more, shows in fewer.
+FEWEST_OF_UNIT = 3
 
 # What share of its feed a robot seems to drive at where the time is in another unit than seconds.
 UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0}
@@ -43,7 +45,7 @@ def said_of_feed(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_]) -> l
     with np.errstate(invalid="ignore", divide="ignore"):
         cut &= (taken > SAMPLES * np.median(np.diff(time))) & (way > 0)
         share = way / taken / feed
-    if cut.sum() < FEWEST:
+    if cut.sum() < FEWEST_OF_UNIT:
         return []
     order = np.argsort(share[cut])
     passed = np.cumsum(taken[cut][order]) / taken[cut].sum()
@@ -56,6 +58,8 @@ def said_of_feed(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_]) -> l
             "CS3072", "warning", f"by the time in this log the cuts were driven at {100 * middle:.2g} % of their feed: it "
             f"seems to be in {unit}", file=log.source, hint="time_s is in seconds; by it the samples of a turn of the spindle "
             "are counted, too")]
+    if cut.sum() < FEWEST:
+        return []
     counted = not log.sent and all(finding.code != "CS3090" for finding in log.findings)
     if counted and place[-1] < 1.1 * INCHES * np.nanmax(length) and 0.6 * INCHES < middle < 1.5 * INCHES:
         return [Finding(

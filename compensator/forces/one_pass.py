@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
-from compensator.forces.log_path import why_unknown
+from compensator.forces.log_path import ENDS, ENDS_SHARE, why_unknown
 from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from compensator.toolpath import OtherFiles
@@ -20,7 +20,8 @@ MOST_LOST = 0.9
 # A log comes back to a target where the number falls by more than this, and goes twice over the program with more than this
 # share of its targets; a logger that rounds flickers between neighbours, and a path length between places so near [m].
 BACK, MOST_AGAIN, BACK_BY = 5, 0.1, 5e-3
-# A log by path length that goes on behind the end of the path by more than this share is of more than the path.
+# A log by path length that goes on behind the end of the path by more than this share is of more than the path; where the
+# program calls routines that no file at hand holds, by more than its own end may be off (log_path.py).
 BEYOND = 0.02
 # So many targets are named in the order in which they are driven.
 NAMED = 8
@@ -53,8 +54,9 @@ def said_of_lost(log: ForceLog, on: NDArray[np.bool_], others: OtherFiles = ALL_
                     "object?")
     if not lost:
         return []
-    beyond = _beyond(log, on)
-    level: Level = "error" if beyond and not others.started else "warning" if beyond or lost > 0.01 * number else "note"
+    beyond = _beyond(log, on, others)
+    surely = bool(_beyond(log, on))
+    level: Level = "error" if surely and not others.started else "warning" if beyond or lost > 0.01 * number else "note"
     found = Finding("CS3007", level, f"{lost} of {counted(number, 'sample')} not on the path, not used",
                     file=log.source, line=int(log.line[np.argmin(on)]), hint=_why_beyond(beyond, others) if beyond else "")
     if level == "error":
@@ -81,12 +83,12 @@ def _called(others: OtherFiles) -> str:
             f"behind it. {JOIN}, or log x_mm y_mm z_mm")
 
 
-def _beyond(log: ForceLog, on: NDArray[np.bool_]) -> float:
+def _beyond(log: ForceLog, on: NDArray[np.bool_], others: OtherFiles = ALL_HERE) -> float:
     """By how much [m] a log by path length goes on behind the end of the path; 0.0 where it does not."""
     if log.key != "path_mm" or log.sent or log.spread is not None or not on.any():
         return 0.0
     end, last = float(log.place[on].max()), float(np.nanmax(log.place))
-    return last - end if last >= (1 + BEYOND) * end else 0.0
+    return last - end if last >= end + (max(ENDS, ENDS_SHARE * end) if others.called else BEYOND * end) else 0.0
 
 
 def check_once(log: ForceLog, target: Indices, driven: Indices | None) -> list[Finding]:

@@ -160,13 +160,15 @@ def _added_not_sent(table: Table, offset: Array) -> list[Finding]:
     if added is None:
         return []
     moves = np.unique(added.given[added.share < 1])
-    corrected = int((np.linalg.norm(offset, axis=1) > 0).sum())
+    moved = np.linalg.norm(offset, axis=1) > 0
+    corrected = len(np.union1d(moves, np.flatnonzero(moved | np.append(False, moved[:-1]))))
     step = 1e6 * np.linalg.norm(offset[moves] - offset[np.maximum(moves - 1, 0)], axis=1)
     many = len(moves) > MANY_MOVES * corrected
-    return [Finding("CS5008", "warning" if many else "note", f"in {len(moves)} of {counted(corrected, 'corrected move')} the "
-                    "correction changes between two targets, and only those of the planned program are sent: there the tool "
-                    f"goes straight, off by up to about {0.5 * step.max():.0f} um at the worst, {0.5 * np.median(step):.0f} um "
-                    "in the middle", file=table.source, line=int(table.line[moves[int(np.argmax(step))]]),
+    return [Finding("CS5008", "warning" if many else "note", f"in {len(moves)} of {counted(corrected, 'move')} from or to a "
+                    "corrected target the correction changes on the way, and only those of the planned program are sent: there "
+                    f"the tool goes straight, off by up to about {0.5 * step.max():.0f} um at the worst, "
+                    f"{0.5 * np.median(step):.0f} um in the middle", file=table.source,
+                    line=int(table.line[moves[int(np.argmax(step))]]),
                     hint="correct --keep-targets makes offsets for the planned program and says what they leave; or run the "
                     "corrected program")]
 

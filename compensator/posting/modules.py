@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -17,7 +18,7 @@ from compensator.posting.settings import PostingSettings
 from compensator.posting.suffixes import RAPID_SUFFIXES
 from compensator.rapid import JOINED, RapidProgram, read_rapid
 from identification.common.files import check_distinct
-from identification.common.findings import Finding, counted, error
+from identification.common.findings import CompstiffError, Finding, counted, error
 
 SUFFIXES = (*RAPID_SUFFIXES, ".pgf")
 # What is said of any joined program.
@@ -151,6 +152,32 @@ def separate(content: bytes, output: Path) -> dict[Path, bytes]:
         if k != first:
             files[file] = text
     return files
+
+
+def in_modules(findings: Iterable[Finding], program: Path) -> tuple[Finding, ...]:
+    """The findings, those on a line of a program of joined modules with the module's own file and line."""
+    if program.suffix.lower() not in RAPID_SUFFIXES or not program.is_file():
+        return tuple(findings)
+    content = program.read_bytes()
+    names = [(content.count(b"\n", 0, match.start()) + 1, match[1].decode("utf-8", "replace"))
+             for match in _MARKED.finditer(content)]
+
+    def own(finding: Finding) -> Finding:
+        if finding.file != str(program) or finding.line is None:
+            return finding
+        first, name = next(((line, name) for line, name in reversed(names) if line < finding.line), (0, str(program)))
+        return replace(finding, file=name, line=finding.line - first)
+
+    return tuple(map(own, findings))
+
+
+@contextmanager
+def told_in_modules(program: Path) -> Iterator[None]:
+    """What is raised here has the places of `in_modules`."""
+    try:
+        yield
+    except CompstiffError as stopped:
+        raise type(stopped)(*in_modules(stopped.findings, program)) from stopped
 
 
 def said_of_joined(content: bytes, files: Sequence[Path]) -> list[Finding]:

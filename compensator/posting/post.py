@@ -114,8 +114,8 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
         findings.append(Finding(
             "CS4301", "warning", "cell.yaml states no mass and centre of mass of the tool: the tooldata declares almost none",
             str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or enter the load on the controller first"))
-    for name in ("tool.", "workobject."):
-        findings += said_of_order(f"{name}quaternion", cell.frames[name].rotation, str(cell.source))
+    for frame in ("tool.", "workobject."):
+        findings += said_of_order(f"{frame}quaternion", cell.frames[frame].rotation, str(cell.source))
     up = to_spindle(cam_path, cell.flange_from_tcp)
     findings += [*_odd_feeds(cam_path, cell), *_odd_spindle(cam_path, cell), *_odd_cutters(cam_path, cell),
                  *said_of_places(cam_path, cell.flange_from_tcp), *said_of_moves(cam_path, up, settings)]

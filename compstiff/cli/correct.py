@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -67,8 +68,16 @@ def correct(
     Then OUTPUT, --offsets and --report are folders, and --json prints one line a program. --jobs, --shard and --scheduler
     share them out (docs/cluster.md).
 
-    One log of a job of several modules: join them with post, correct that, and --modules writes each in its own file again.
+    RAPID modules, or the .pgf that lists them, with one log: they are one job, and OUTPUT is the folder to which each is
+    written under its own name. MAIN_job.mod beside the first holds them all, as post joins them.
     """
+    from compstiff import Inputs, Outputs
+
+    if forces_file is not None and forces_file.is_file() and _of_one_job(toolpath_files):
+        if scheduler or shard:
+            raise click.UsageError("--scheduler and --shard are for several programs: these are the modules of one job.")
+        return _correct_job(session, Inputs(cell_file, toolpath_files[0], stiffness_file, forces_file), toolpath_files,
+                            Outputs(Path(output), offsets, report), settings)
     if is_batch(toolpath_files, output):
         if settings.log.other_forces or settings.correction.first_forces:
             raise click.UsageError("--other-forces and --first-forces name the log of one program: call it by itself.")
@@ -82,8 +91,6 @@ def correct(
                              Shared(cell_file, stiffness_file, settings, session, forces_file), jobs, scheduler, shard)
     if scheduler or shard:
         raise click.UsageError("--scheduler and --shard are for several programs, or a folder of them.")
-    from compstiff import Inputs, Outputs
-
     if forces_file is None and not settings.cutting.predict_force:
         forces_file = _log_beside(toolpath_files[0])
     inputs = Inputs(cell_file, toolpath_files[0], stiffness_file, forces_file)
@@ -101,7 +108,42 @@ def _log_beside(toolpath_file: Path) -> Path:
     return logs[0]
 
 
+def _of_one_job(files: tuple[Path, ...]) -> bool:
+    from compensator.posting.modules import SUFFIXES, of_modules
+
+    return of_modules(files) and all(file.is_file() and file.suffix.lower() in SUFFIXES for file in files)
+
+
+def _correct_job(
+    session: Session, inputs: Inputs, modules: tuple[Path, ...], outputs: Outputs, settings: Settings
+) -> Outcome:
+    """Modules of one job by one log; outputs: its program is the folder."""
+    from compensator.correction.recorded import check_not_corrected
+    from compensator.posting.modules import join_files
+    from identification.common.files import check_distinct, write_whole
+
+    folder = outputs.program
+    if folder.suffix and not folder.is_dir():
+        raise click.UsageError("These are modules of one job, each written under its own name: -o names a folder, not "
+                               f"'{folder}'.")
+    together = modules[0].with_name(f"{modules[0].stem}_job.mod")
+    joined = join_files(modules, together, settings.posting)
+    check_distinct(joined.sources, [folder / source.name for source in joined.sources])
+    if not settings.correction.correct_again:
+        for source in joined.sources:
+            check_not_corrected(source, folder)
+    if not together.is_file() or together.read_bytes() != joined.files[together]:
+        write_whole(joined.files, overwrite=session.overwrite)
+    folder.mkdir(parents=True, exist_ok=True)
+    session.inputs += joined.sources
+    outcome = _correct_one(session, replace(inputs, toolpath=together), replace(outputs, program=folder / joined.main.name),
+                           replace(settings, posting=replace(settings.posting, modules=True)))
+    of_job = [finding for finding in joined.findings if finding.code == "CS4352"]
+    return replace(outcome, findings=(*of_job, *outcome.findings), lines=[*joined.lines(), *outcome.lines])
+
+
 def _correct_one(session: Session, inputs: Inputs, outputs: Outputs, settings: Settings) -> Outcome:
+    from compensator.posting.modules import in_modules, told_in_modules
     from compstiff import correct_files
     from identification.common.files import check_distinct
 
@@ -113,10 +155,11 @@ def _correct_one(session: Session, inputs: Inputs, outputs: Outputs, settings: S
     session.inputs += [*inputs.files(), *(path for _, path in settings.files())]
     if settings.correction.first_forces and not settings.correction.logged_with:
         raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
-    corrected = correct_files(inputs, outputs, settings, overwrite=session.overwrite)
+    with told_in_modules(inputs.toolpath):
+        corrected = correct_files(inputs, outputs, settings, overwrite=session.overwrite)
     step = (f"open {outputs.report} in a browser" if outputs.report
             else f"load {outputs.program}{_parts_of(outputs)} into the robot, first in air")
-    return Outcome(corrected.as_dict(), corrected.findings, corrected.lines(), step)
+    return Outcome(corrected.as_dict(), in_modules(corrected.findings, inputs.toolpath), corrected.lines(), step)
 
 
 def _parts_of(outputs: Outputs) -> str:

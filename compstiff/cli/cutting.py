@@ -9,7 +9,7 @@ import click
 from compensator.correction.settings import Settings
 from compstiff.cli.console import READABLE, WRITABLE, command
 from compstiff.cli.options import CELL, LOG_OPTIONS, POSTING_OPTIONS, TOOLPATH, with_settings
-from compstiff.outcome import Outcome, Session, call
+from compstiff.outcome import Outcome, Session
 
 
 @command("cutting", writes=True, examples=(
@@ -42,6 +42,7 @@ def cutting(
     from compensator.cutting.stock_file import stock_npz
     from compstiff import cutting_coefficients, read_cell, read_stiffness, read_toolpath, table_coefficients
     from identification.common.files import check_writable, json_bytes, write_whole
+    from identification.model.controller import use_of_stiffnesses
 
     with_log = {"--stock": stock_file, "--stiffness": stiffness_file}
     missing = [name for name, file in with_log.items() if file is None]
@@ -63,5 +64,5 @@ def cutting(
         files[leaves] = stock_npz(fitted.cut.left)
     write_whole(files)
     return Outcome(fitted.as_dict(), fitted.findings, fitted.lines(),
-                   call("correct", cell_file, "PART.mod", "--stiffness", stiffness_file or "STIFFNESS.json", "--predict-force",
-                        output, "--stock", "PART.stock.yaml", "-o", "PART_corrected.mod"))
+                   use_of_stiffnesses(cell.robot, cell_file, stiffness_file or "STIFFNESS.json", "--predict-force", output,
+                                      "--stock", "PART.stock.yaml"))

@@ -62,6 +62,7 @@ def diagnose(
     from compstiff import diagnose, read_cell, read_measurements
     from identification.common.files import check_distinct, check_writable, json_bytes, write_whole
     from identification.common.quantities import cause_words
+    from identification.model.controller import use_of_stiffnesses
 
     session.inputs += [cell_file, measurements_file]
     optional = [path for path in (extended, report) if path]
@@ -103,13 +104,12 @@ def diagnose(
 
         files[report] = page_of(diagnosis).encode()
     write_whole(files, overwrite=session.overwrite, read=session.read)
-    following = _next_after(diagnosis.verdict, cell_file, measurements_file, output)
+    following = _next_after(diagnosis.verdict, cell_file, measurements_file, output, diagnosis.measurements.weights)
     if diagnosis.verdict == "named" and diagnosis.judgement.unsettled:
         again = call("diagnose", cell_file, measurements_file, "-o", output, "--force")
         following = f"warm the robot up, measure again, then {again}"
     elif extended in files and diagnosis.verdict in USABLE:
-        following = call("correct", cell_file, "PART.mod", "--stiffness", extended, "--forces", "PART.forces.csv", "-o",
-                         "PART_corrected.mod")
+        following = use_of_stiffnesses(diagnosis.cell.robot, cell_file, extended)
     return Outcome(content, (*diagnosis.findings, *refused), diagnosis.lines(), next_step=following,
                    exit_code=REFUSED if refused else DONE)
 
@@ -164,8 +164,9 @@ def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | No
                    next_step=f"measure it, then {call('diagnose', cell_file, plan, '-o', 'diagnosis.json')}")
 
 
-def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: Path) -> str:
-    """What a user would do after this verdict."""
+def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: Path, weights: tuple[str, ...]) -> str:
+    """What a user would do after this verdict; weights: options of `design` that plan for the weights that were measured
+    with."""
     if verdict == "named":
         return call("diagnose", cell_file, measurements_file, "-o", output, "--extended", "stiffness.json", "--force")
     if verdict == "mistake":
@@ -174,7 +175,7 @@ def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: 
     if verdict == "adequate":
         return call("identify", cell_file, measurements_file, "-o", "stiffness.json")
     if verdict == "ambiguous":
-        more = call("design", cell_file, "--add", 3, measurements_file, "--diagnosis", output, "-o", "more.csv")
+        more = call("design", cell_file, "--add", 3, measurements_file, "--diagnosis", output, *weights, "-o", "more.csv")
         return f"{more}, which plans loads that tell them apart; measure them, add the rows, then diagnose again"
-    more = call("design", cell_file, "--add", 3, measurements_file, "--criterion", "C", "-o", "more.csv")
+    more = call("design", cell_file, "--add", 3, measurements_file, "--criterion", "C", *weights, "-o", "more.csv")
     return f"do the checks above; if they find nothing, {more} plans loads that tell more causes apart"

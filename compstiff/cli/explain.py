@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from difflib import get_close_matches
 
 import click
 
@@ -19,6 +20,7 @@ def explain(session: Session, words: tuple[str, ...]) -> Outcome:
     """
     from compstiff import explain_code
     from identification.common.catalogue import catalogue
+    from identification.common.findings import error
     from identification.common.quantities import parameter_words, quantity
     from identification.model.effects import effects
 
@@ -31,6 +33,9 @@ def explain(session: Session, words: tuple[str, ...]) -> Outcome:
     code = " ".join(words)
     effect = effects().get(re.sub(r"(\[\d\]| of (joint|link) \d)$", "", code.lower()).replace(" ", "_"))
     if effect is None:
+        near = get_close_matches(code.lower().replace(" ", "_"), effects(), n=3)
+        if near:
+            raise error("CS0009", f"there is no cause '{code}'", hint=f"near it: {', '.join(near)}")
         page = explain_code(code)
         return Outcome(dict(page), lines=[f"{page['code']}: {page['title']}", "", f"cause: {page['cause']}",
                                           f"effect: {page['effect']}", f"remedy: {page['remedy']}"])

@@ -45,6 +45,7 @@ def identify(
 
     from compstiff import fit_stiffness, read_cell, read_measurements
     from identification.common.files import check_writable, json_bytes, write_whole
+    from identification.model.controller import use_of_stiffnesses
 
     session.inputs += [cell_file, measurements_file]
     check_writable([output, *([report] if report else [])], overwrite=session.overwrite)
@@ -60,8 +61,7 @@ def identify(
     following = (
         call("diagnose", cell_file, measurements_file, "-o", "diagnosis.json", "--extended", "stiffness_extended.json")
         if fit.model.rejected else
-        call("correct", cell_file, "PART.mod", "--stiffness", output, "--forces", "PART.forces.csv", "-o",
-             "PART_corrected.mod"))
+        use_of_stiffnesses(cell.robot, cell_file, output))
     return Outcome(fit.as_dict(), fit.findings, fit.lines(), next_step=following)
 
 

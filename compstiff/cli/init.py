@@ -61,6 +61,22 @@ class Weights(click.ParamType[str]):
         return str(value)
 
 
+class MaterialName(click.ParamType[str]):
+    """A material of cell.yaml."""
+
+    name = "MATERIAL"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        from typing import get_args
+
+        from identification.model.cell_file import Material
+
+        known, word = get_args(Material), str(value).strip().lower().replace(" ", "_")
+        if word not in known:
+            self.fail(f"'{value}' is none of {', '.join(known)}", param, ctx)
+        return word
+
+
 PLACE, TURN = Numbers(3, "X,Y,Z"), Numbers(4, "W,X,Y,Z")
 # What is asked on a terminal where no option says it: option, question, its type, what Enter stands for (None: nothing; "": it
 # may be left open).
@@ -78,7 +94,14 @@ QUESTIONS: tuple[tuple[str, str, Any, Any], ...] = (
     ("force_sign", "Do the logged forces act on the tool, or by the tool on the part", click.Choice(["on_tool", "by_tool"]),
      "on_tool"),
     ("spindle_rpm", "Spindle speed in rpm (Enter: it is looked for in the log)", click.FloatRange(0, min_open=True), ""),
+    ("material", "Material that is milled, such as aluminium or steel (Enter: it varies; what a correction leaves on the "
+     "part is then told less sharply)", MaterialName(), ""),
+    ("cutter_diameter", "Diameter of the cutter in mm (Enter: it varies)", click.FloatRange(0, min_open=True), ""),
+    ("contact", "How long the edge is in the cut, along the tool's axis, in mm (Enter: it varies)",
+     click.FloatRange(0, min_open=True), ""),
 )
+# Questions that say nothing where another one was left open.
+AFTER = {"tool_centre": "tool_mass", "cutter_diameter": "material", "contact": "material"}
 SENSOR = (
     ("sensor_position", "Origin of the sensor in the flange frame in mm: x,y,z", PLACE, None),
     ("sensor_quaternion", "Turn of the sensor in the flange frame: w,x,y,z", TURN, "1,0,0,0"),
@@ -104,6 +127,10 @@ SENSOR = (
 @click.option("--sensor-quaternion", type=TURN, help="And its turn.  [default: 1,0,0,0]")
 @click.option("--force-sign", type=click.Choice(["on_tool", "by_tool"]), help="Of logged forces.  [default: on_tool]")
 @click.option("--spindle-rpm", type=click.FloatRange(0, min_open=True), metavar="RPM", help="Spindle speed.")
+@click.option("--material", type=MaterialName(), help="That is milled: how the force follows the cut.")
+@click.option("--cutter-diameter", type=click.FloatRange(0, min_open=True), metavar="MM", help="With --material.")
+@click.option("--contact", type=click.FloatRange(0, min_open=True), metavar="MM",
+              help="With --material: how long the edge is in the cut, along the tool's axis.")
 def init(session: Session, folder: Path, **given: Any) -> Outcome:
     """Begin a new cell: cell.yaml, a measurement sheet, and the chain for make and PowerShell.
 
@@ -121,6 +148,8 @@ def init(session: Session, folder: Path, **given: Any) -> Outcome:
         given["sensor_quaternion"] = given["sensor_quaternion"] or (1.0, 0.0, 0.0, 0.0)
     elif given["sensor_position"] or given["sensor_quaternion"]:
         raise click.UsageError("--sensor-position and --sensor-quaternion belong to --force-frame sensor.")
+    if given["material"] is None and (given["cutter_diameter"] or given["contact"]):
+        raise click.UsageError("--cutter-diameter and --contact belong to --material.")
     from compstiff import CellAnswers, new_cell
 
     made = new_cell(folder, CellAnswers(**{name: value for name, value in given.items() if value is not None}),
@@ -134,7 +163,7 @@ def _asked(given: dict[str, Any]) -> dict[str, Any]:
 
     def ask(questions: Sequence[tuple[str, str, Any, Any]]) -> None:
         for name, question, kind, default in questions:
-            if answers[name] is None and not (name == "tool_centre" and answers["tool_mass"] is None):
+            if answers[name] is None and not (name in AFTER and answers[AFTER[name]] is None):
                 answers[name] = _answer(question, kind, default)
 
     ask(QUESTIONS)

@@ -49,9 +49,11 @@ def predict(
     """
     from compensator.correction.files import predict_files
     from compensator.correction.logged_pass import driven_as_said
+    from compensator.posting.modules import in_modules, told_in_modules
     from compensator.posting.suffixes import rapid_suffix, toolpath_stem
     from compstiff import Inputs, deviation_csv, error_budget
     from identification.common.files import check_writable, write_whole
+    from identification.model.controller import runs_rapid
 
     if budget != (tolerance_um is not None):
         raise click.UsageError("--budget and --tolerance-um go together.")
@@ -65,9 +67,10 @@ def predict(
     session.inputs += [*inputs.files(), *(path for _, path in settings.files())]
     outputs = [output, *([report] if report else [])]
     check_writable(outputs, overwrite=session.overwrite)
-    predicted = predict_files(inputs, settings)
+    with told_in_modules(toolpath_file):
+        predicted = predict_files(inputs, settings)
+        spent = error_budget(predicted, 1e-6 * tolerance_um) if tolerance_um is not None else None
     files = {output: deviation_csv(predicted)}
-    spent = error_budget(predicted, 1e-6 * tolerance_um) if tolerance_um is not None else None
     if report:
         from compstiff.writing import report as page_of
 
@@ -77,10 +80,11 @@ def predict(
     findings = (*predicted.findings, *(driven_as_said(predicted) if forces_file and not budget else ()))
     if spent is not None:
         figures, findings, lines = figures | {"budget": spent.as_dict()}, (*findings, *spent.findings), [*lines, *spent.lines()]
-    return Outcome(figures, findings, lines,
-                   next_step=call("correct", cell_file, toolpath_file, "--stiffness", stiffness_file,
-                                  *(["--forces", forces_file] if forces_file else []), *settings.as_options(), "-o",
-                                  f"{toolpath_stem(toolpath_file)}_corrected{rapid_suffix(toolpath_file)}"))
+    following = call("correct", cell_file, toolpath_file, "--stiffness", stiffness_file,
+                     *(["--forces", forces_file] if forces_file else []), *settings.as_options(), "-o",
+                     f"{toolpath_stem(toolpath_file)}_corrected{rapid_suffix(toolpath_file)}")
+    return Outcome(figures, in_modules(findings, toolpath_file), lines,
+                   next_step=following if runs_rapid(predicted.path.cell.robot) else "")
 
 
 def _of_the_cut(settings: Settings) -> tuple[object, ...]:

@@ -27,6 +27,8 @@ ORDER: tuple[FindingLevel, ...] = ("error", "warning", "note")
 OPTION = re.compile(r"(?<![\w-])(--?[a-z][a-z-]*)(?![\w-])")
 # A table of more rows is folded.
 FOLDED = 12
+# A cell of more characters holds words and may break; a telephone stacks the rows of a wide table of no more of them.
+WORDS, FEW_ROWS = 40, 8
 # Drawn: not every font has such characters. The signs are strokes in a square of 24.
 ARROW = '<svg class="arrow" role="img" aria-label="to" viewBox="0 0 22 12"><path d="M1 6h19M15 1l5 5-5 5"/></svg>'
 SIGNS = {"good": "M4 13l5.5 5.5L20 6", "caution": "M12 3v12M12 19v2", "bad": "M5 5l14 14M19 5L5 19", "open": "M12 9v12M12 3v2"}
@@ -75,6 +77,15 @@ class ReportTable:
     rows: Sequence[Sequence[str]]
     numbers: Sequence[int] = field(default=())
 
+    @property
+    def stacked(self) -> bool:
+        """Whether a telephone shows each row as a block, its cells under each other: where no screen so narrow holds a row, and
+        there are few of them or they have sentences."""
+        wide = len(self.header)
+        if any(len(cell) > WORDS for row in self.rows for cell in row[wide < 4:]):      # of three columns the first may break
+            return True
+        return wide > 4 and len(self.rows) <= FEW_ROWS
+
 
 @dataclass(frozen=True)
 class View:
@@ -122,7 +133,7 @@ def render(page: Page) -> str:
     import jinja2
 
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    environment.filters |= {"typeset": _marked, "unbroken": _unbroken}
+    environment.filters |= {"typeset": _marked, "plain": typeset, "unbroken": _unbroken}
     # The worst first; each keeps its place among the folded, by which views know it.
     findings = sorted(enumerate(fold(tuple(page.findings))), key=lambda item: ORDER.index(item[1].level))
     items = (*page.first, *page.others)
@@ -136,7 +147,7 @@ def render(page: Page) -> str:
         styles.append(_file("vendor/uPlot.min.css"))
         made_with += " and uPlot"
     text: str = environment.from_string(_file("report.html.j2")).render(
-        page=page, first=shown[:len(page.first)], others=shown[len(page.first):], folded=FOLDED,
+        page=page, first=shown[:len(page.first)], others=shown[len(page.first):], folded=FOLDED, words=WORDS,
         findings=findings, signs=SIGN_OF, levels=_levels(page.findings), placed=frozenset().union(*(
             item.marks for item in items if isinstance(item, View))), result=embedded(page.result), styles="\n".join(styles),
         script=_file("report.js"), scripts=scripts, made_with=made_with, version=version("compstiff"))

@@ -127,7 +127,16 @@ def prepare(cell: Cell, request: Request, milling: MillingPoses | None) -> Prepa
         slots, demand = _runs(cell, other)
         words = "the paper's plan" if request.preset else "as many runs with loads along base axes"
         plainer = replace(task, domain=replace(domain, slots=slots), demand=demand), words
-    return Prepared(task, rig, before, place, weight, findings, plainer)
+    return Prepared(task, rig, before, place, weight, (*_of_another_kind(request), *findings), plainer)
+
+
+def _of_another_kind(request: Request) -> tuple[Finding, ...]:
+    """CS1513: further runs are pushed, and what was measured hung."""
+    if request.measured is None or request.dead_weight or not request.measured.weights:
+        return ()
+    return (Finding("CS1513", "warning", f"the loads of {request.measured.source} are weights that hung, those of these runs "
+                    f"are pushed, by up to {request.force_n:g} N and sideways too", file=request.measured.source,
+                    hint=f"{' '.join(request.measured.weights)} plans for the same weights"),)
 
 
 def _known(cell: Cell, request: Request) -> tuple[Instrument, Array, str, tuple[Finding, ...]]:

@@ -6,13 +6,14 @@ from identification.common.command_line import call
 from identification.common.report import Step
 from identification.diagnosis.diagnose import Diagnosis
 from identification.diagnosis.record import MOST_CHECKS, checks_of, next_measurements
+from identification.model.controller import runs_rapid, use_of_stiffnesses
 
 
 def steps_of(diagnosis: Diagnosis) -> list[Step]:
     """By the verdict, the first thing first."""
     cell, source, verdict = diagnosis.cell.source, diagnosis.measurements.source, diagnosis.verdict
-    again = ("diagnose", cell, source, "-o", "diagnosis.json")
-    more = call("design", cell, "--add", 3, source, "--criterion", "C", "-o", "more.csv")
+    again, weights = ("diagnose", cell, source, "-o", "diagnosis.json"), diagnosis.measurements.weights
+    more = call("design", cell, "--add", 3, source, "--criterion", "C", *weights, "-o", "more.csv")
     listed = next_measurements(diagnosis.judgement)
     checks = [Step(f"Check: {what} ({about}).") for what, about in checks_of(listed)[:MOST_CHECKS]]
     if verdict == "adequate":
@@ -24,14 +25,15 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
         return [*checks[:1], Step("Write the file without the mistake, then diagnose it again:",
                                   call(*again, "--mend", "MENDED", "--force"))]
     written = call(*again, "--extended", "stiffness_extended.json", "--force")
-    corrected = call("correct", cell, "PART.mod", "--stiffness", "stiffness_extended.json", "--forces", "PART.forces.csv",
-                     "-o", "PART_corrected.mod", "--report", "correct.html")
+    robot = diagnosis.cell.robot
+    corrected = use_of_stiffnesses(robot, cell, "stiffness_extended.json", report=True)
+    use_it = "correct a program" if runs_rapid(robot) else "predict a path"
     if verdict == "ambiguous":
         now = [] if diagnosis.judgement.carried is None or diagnosis.judgement.unsettled else [
-            Step("Or correct now: the file has the likeliest of them, and what the others would change is in its sigmas:",
-                 written), Step("Then correct a program with it:", corrected)]
+            Step("Or use it now: the file has the likeliest of them, and what the others would change is in its sigmas:",
+                 written), Step(f"Then {use_it} with it:", corrected)]
         # The loads are what the command plans.
-        planned = call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", "-o", "more.csv")
+        planned = call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", *weights, "-o", "more.csv")
         return [Step("Plan loads that tell them apart; measure them, add the rows, diagnose again:", planned), *checks, *now]
     if verdict == "unknown":
         first = checks or [Step("Look at the residuals below: a pose, an axis or a time that stands out says where to look.")]
@@ -46,4 +48,4 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
     of_robot = any(term.effect.of_robot for term in diagnosis.judgement.extended.terms)
     return [*repeat, Step("Write the stiffness file that carries what the robot does:" if of_robot else
                  "It is the measurement, not the robot: it is taken out of the data. Write the stiffness file without it:",
-                 written), Step("Then correct a program with it:", corrected), *checks]
+                 written), Step(f"Then {use_it} with it:", corrected), *checks]

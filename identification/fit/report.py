@@ -27,6 +27,7 @@ from identification.fit.identifiability import LOOK_FOR_IT
 from identification.fit.visit_findings import mending
 from identification.measurements import Measurements
 from identification.model.cell import Cell
+from identification.model.controller import runs_rapid, use_of_stiffnesses
 
 JOINTS = [f"k{i}" for i in range(1, 7)]
 # More points a cloud are thinned evenly; more poses have no bar.
@@ -122,11 +123,11 @@ def _steps(fit: Fit) -> list[Step]:
     diagnose = Step("Ask whether springs are all there is, and what else the robot does:",
                     call("diagnose", fit.cell.source, fit.measurements.source, "-o", "diagnosis.json", "--extended",
                          "stiffness_extended.json", "--report", "diagnose.html"))
-    correct = Step("Correct a program with these stiffnesses:",
-                   call("correct", fit.cell.source, "PART.mod", "--stiffness", "stiffness.json", "--forces", "PART.forces.csv",
-                        "-o", "PART_corrected.mod", "--report", "correct.html"))
+    correct = Step(f"{'Correct a program' if runs_rapid(fit.cell.robot) else 'Predict a path'} with these stiffnesses:",
+                   use_of_stiffnesses(fit.cell.robot, fit.cell.source, "stiffness.json", report=True))
     more = Step("Plan three more runs for the joints that are not known well:",
-                call("design", fit.cell.source, "--add", 3, fit.measurements.source, "-o", "more.csv"))
+                call("design", fit.cell.source, "--add", 3, fit.measurements.source, *fit.measurements.weights, "-o",
+                     "more.csv"))
     if fit.model.rejected:
         return [diagnose]
     return [diagnose, correct] if all(grade == "reliable" for grade in fit.model.grades) else [more, diagnose, correct]

@@ -29,12 +29,14 @@ def moving_zero(fitted: Posterior) -> list[Finding]:
     if np.any(rows.machined_pass != "") or not repeated or not surely or not noise.offset.any():
         return []
     size, usual = 1e6 * components.offset * float(np.mean(noise.offset)), 1e6 * float(np.mean(noise.offset))
-    offsets = fitted.weights.offsets(fitted.at_map.residual)
-    far = np.argsort(-np.linalg.norm(offsets, axis=1))[:MOST]
-    where = ", ".join(f"{_name(rows, noise.visit == visit)} by {1e6 * np.linalg.norm(offsets[visit]):.0f} um" for visit in far)
+    off = 1e6 * np.linalg.norm(fitted.weights.offsets(fitted.at_map.residual), axis=1)
+    if off.max() < size:        # of offsets of that size the largest is larger: another misfit made the component large
+        return []
+    where = ", ".join(f"{_name(rows, noise.visit == visit)} by {off[visit]:.0f} um" for visit in np.argsort(-off)[:MOST])
     against = "cell.yaml states" if stated else "is usual (cell.yaml states none)"
+    told = float(f"{size:.2g}")
     return [Finding("CS1734", "warning", f"the zero moves between the poses: all readings of a pose are off together, by "
-                    f"{size:.2g} um, {components.offset:.1f} times the {usual:.2g} um of re-seating that {against}; farthest "
+                    f"{told:g} um, {components.offset:.1f} times the {usual:.2g} um of re-seating that {against}; farthest "
                     f"{where}", file=rows.source,
                     hint="read the unloaded zero anew at every pose, just before the loads, and take it off the pose's "
                     "readings; see whether a sensor, its stand or the target was touched between poses")]

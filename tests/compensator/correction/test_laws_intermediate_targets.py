@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,12 +19,31 @@ from compensator.correction.fine_grid import _around, fine_grid
 from compensator.correction.force_changes import noise_of_one
 from compensator.correction.grid_forces import forces_on
 from compensator.correction.grid_path import asks_for_all, grid_path
-from compensator.correction.needed_targets import beyond_noise, window_means, windows
+from compensator.correction.needed_targets import Wanted, beyond_noise, needed_points, window_means, windows
 from compensator.correction.settings import Estimate, Settings
 from compensator.forces.placement import TargetForces
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3
 from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation
+
+# A straight path of 130 mm in pieces of a millimetre, with targets of the program at these.
+OWN = [0, 100, 130]
+
+
+@pytest.mark.parametrize("end", [104, 110, 120])
+def test_behind_the_end_of_a_cut_no_target_stands_that_is_not_moved(end: int) -> None:
+    """One where the force ends, and none on the way through the air to the next."""
+    piece = np.arange(131)
+    further, forced = ~np.isin(piece, OWN), piece < end
+    deviation, own = np.zeros((131, 3)), np.zeros((131, 3))
+    deviation[:end + 1, 1], own[OWN[:2], 1] = 3e-4, 3e-4
+    place = 1e-3 * piece
+    grid: Any = SimpleNamespace(further=further, may=further, divisible=further, arcs=np.empty((0, 2), dtype=np.intp))
+    have, _ = needed_points(grid, Wanted(
+        deviation, own, 5e-6, np.zeros(131), np.inf, np.full(131, True), forced, place, np.ones(131),
+        np.outer(place, [1, 0, 0]), np.full(131, 1e-3), np.full(131, False)))
+    assert np.flatnonzero(have).tolist() == [0, 100, end - 1, end, 130]
+
 
 ENTRY, EXIT = 20.0, 135.0        # mm of path: where the cut begins and ends
 

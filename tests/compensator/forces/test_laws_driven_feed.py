@@ -16,10 +16,10 @@ from tests.compensator.forces.test_contract_placement import CELL, place, plan
 FEED, RATE, COUNT = 100.0, 500.0, 40
 
 
-def driven(folder: Path, speed: np.ndarray, column: str = "path_mm", unit: float = 1.0) -> set[str]:
+def driven(folder: Path, speed: np.ndarray, column: str = "path_mm", unit: float = 1.0, count: int = COUNT) -> set[str]:
     """What is said of a log of a straight cut of 390 mm that is driven at `speed` (n,) [mm/s], n equal parts of the way.
-    unit: how many of the log's time a second has."""
-    ends = np.linspace(0, 10.0 * (COUNT - 1), len(speed) + 1)
+    unit: how many of the log's time a second has; count: of targets, 10 mm apart."""
+    ends = np.linspace(0, 10.0 * (count - 1), len(speed) + 1)
     time = np.append(0.0, np.cumsum(np.diff(ends) / speed))
     t = np.arange(0, time[-1], 1 / RATE)
     way = np.interp(t, time, ends)
@@ -29,7 +29,7 @@ def driven(folder: Path, speed: np.ndarray, column: str = "path_mm", unit: float
             for a, b, (x, y, z) in zip(t, way, force, strict=True)]
     text = f"time_s,{column},fx_n,fy_n,fz_n\n" + "\n".join(rows) + "\n"
     (folder / "forces.csv").write_text(text)
-    path = plan(folder, count=COUNT)
+    path = plan(folder, count=count)
     found = place_forces(read_force_log(folder / "forces.csv"), path, path.cell).findings
     return {finding.message for finding in found if finding.code == "CS3072"}
 
@@ -45,6 +45,12 @@ def test_the_override_is_told(tmp_path: Path, column: str, share: float, said: s
 def test_a_time_in_another_unit_is_told_as_such_and_not_as_an_override(tmp_path: Path, unit: float, named: str) -> None:
     [message] = driven(tmp_path, np.array([0.8 * FEED]), unit=unit)
     assert f"it seems to be in {named}" in message
+
+
+def test_of_few_moves_a_unit_is_told_and_no_override(tmp_path: Path) -> None:
+    [message] = driven(tmp_path, np.array([FEED]), unit=1e3, count=6)
+    assert "it seems to be in milliseconds" in message
+    assert driven(tmp_path, np.array([0.5 * FEED]), count=6) == set()
 
 
 @pytest.mark.parametrize(("unit", "end", "said"), [

@@ -13,6 +13,7 @@ from compensator.forces.one_pass import check_once, said_of_lost, targets_of
 from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import _air
 from compensator.path.robot_path import RobotPath
+from compensator.toolpath import OtherFiles
 from identification.common.findings import CompstiffError
 
 
@@ -42,6 +43,18 @@ def test_what_is_off_the_path_is_said_and_what_is_not_is_not() -> None:
     on[:190] = False
     with pytest.raises(CompstiffError, match="only 10 of the 200"):
         said_of_lost(log, on)
+
+
+@pytest.mark.parametrize(("called", "more", "said"), [
+    (("rTool (line 7)",), 0.012, True), (("rTool (line 7)",), 0.0009, False), ((), 0.012, False)])
+def test_a_log_that_is_a_little_longer_is_asked_about_the_routines_that_no_file_holds(
+    called: tuple[str, ...], more: float, said: bool
+) -> None:
+    """By 12 mm of 2 m: what drove that stands somewhere in the program, and all forces behind it are off by as much."""
+    log = log_of([*np.linspace(0.0, 2.0, 400), 2.0 + more], "path_mm")
+    (finding,) = said_of_lost(log, log.place <= 2.0, OtherFiles(called=called))
+    assert (finding.level == "warning") == said
+    assert ("rTool (line 7)" in finding.hint) == said
 
 
 @pytest.mark.parametrize("offset", [0.0, 500.0])

@@ -131,6 +131,10 @@ def test_each_speed_is_declared_once_and_exactly(posted):
     assert sorted(speed for _, speed in declared) == [b"15.113", b"20.575", b"200.0"]      # 35.7 in/min, 1234.5 mm/min
 
 
+def test_findings_name_the_posted_program(posted):
+    assert posted.program.toolpath.source == "shell.mod"
+
+
 def test_the_choices_are_said(posted):
     codes = {finding.code for finding in posted.program.toolpath.findings}
     assert {"CS4300", "CS4302", "CS2111"} <= codes

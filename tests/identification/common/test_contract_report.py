@@ -45,7 +45,8 @@ def page_of(words: str) -> tuple[str, Markup]:
     findings = [Finding("CS0001", "warning", words, file=words, line=3, hint=words)]
     text = render(Page(words, Verdict("good", words, words), [Key(words, words, words, words)], [Step(words, words)] * 2,
                        [words],
-                       [ReportTable(words, [words, "b"], [[words, "1"]] * count) for count in (2, 40)],
+                       [ReportTable(words, [words, "b"], [[words, "1"]] * 2),
+                        ReportTable(words, [words] * 3, [[words] * 3] * 40)],
                        [view, Figure(words, words, [panel, bars])], [Figure(words, words, [panel], beside=True)], findings,
                        {"name": words, words: 1}))
     page = Markup()
@@ -63,6 +64,16 @@ def test_nothing_from_a_file_becomes_markup() -> None:
     assert "<!--<script" not in text
     results = [json.loads(part) for part in page.text if part.strip().startswith('{"name"')]
     assert results == [{"name": HOSTILE, HOSTILE: 1}]
+
+
+@pytest.mark.parametrize(("columns", "rows", "cell", "stacked"), [
+    (5, 3, "1", True), (5, 30, "1", False), (3, 3, "1", False), (2, 30, "one more pass, and its log beside the program", True)])
+def test_a_telephone_stacks_what_it_cannot_hold(columns: int, rows: int, cell: str, stacked: bool) -> None:
+    """Each cell under the name of its column; a long table of numbers stays one."""
+    table = ReportTable("t", [f"column {k}" for k in range(columns)], [["row", *[cell] * (columns - 1)]] * rows)
+    text = render(Page("p", Verdict("good", "G", "s"), [], [], [], [table], [], [], [], {}))
+    assert (text.count('data-label="column 1"') == rows) == stacked
+    assert ('role="table"' in text) == stacked
 
 
 def test_the_answer_stands_before_everything_else_in_words_and_sign() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from identification.design.dead_weights import DeadWeights
 from identification.design.domain import Domain, random_pool
 from identification.design.information import instrument
 from identification.design.loads import weight_slot
+from identification.design.request import Request, prepare
 from identification.design.search import Effort, optimal_design
 from identification.design.task import Task, free_demand
 from identification.design.unseen import seen_by, sideways
@@ -179,6 +181,7 @@ def test_the_files_of_the_command(written):
     expected = np.tile([0, 20, 40, 60, 40, 0], 4)
     np.testing.assert_allclose(rows.wrench[:, :3], np.outer(expected, [0, 0, -9.80665]), atol=1e-9)
     assert rows.visit.max() == 3
+    assert rows.weights == ("--dead-weight", "20,40,60")
     result = document["result"]
     assert [one["joint"] for one in result["unseen"]] == [1]
     assert result["unseen"][0]["log_std_after"] < 0.1
@@ -193,6 +196,17 @@ def test_the_files_of_the_command(written):
     assert max(map(len, prompts)) <= 80
     assert sum("take off 20 kg, then hang on 40 kg" in prompt for prompt in prompts) == 4
     assert "60\u00a0kg" in (folder / "plan.html").read_text()
+
+
+@pytest.mark.parametrize("asked", [None, "20,40"])
+def test_further_runs_without_the_weights_are_told(written, asked):
+    cell = read_cell(written[0] / "cell.yaml")
+    rows = read_measurements(written[0] / "plan.csv", cell, planned=True)
+    carried = compliance_matrix(cell.robot, rows.theta, cell.flange_from_tcp, 1 / cell.prior.stiffness)[:, :3]
+    filled = replace(rows, deflection=np.einsum("nij,nj->ni", carried, rows.wrench))
+    findings = prepare(cell, Request(measurements=1, measured=filled, dead_weight=asked), None).findings
+    told = [finding.hint for finding in findings if finding.code == "CS1513"]
+    assert told == ([] if asked else ["--dead-weight 20,40,60 plans for the same weights"])
 
 
 def test_calls_that_contradict_themselves(written, tmp_path):

@@ -303,6 +303,21 @@ def test_a_visit_s_response_is_that_to_its_forces_whatever_their_moments(tmp_pat
     assert set(seen) == {3}
 
 
+def reseated(off: np.ndarray, ratio: float, stated: bool) -> Any:
+    """A fit of four visits, off by (4, 3) [m] each, whose re-seating was put at `ratio` times 4 um."""
+    rows = SimpleNamespace(machined_pass=np.full(8, ""), source="m.csv", pose=np.repeat(["A", "B", "", "D"], 2),
+                           line=np.arange(2, 10))
+    noise = SimpleNamespace(visit=np.repeat(np.arange(4), 2), measured=np.ones((8, 3), dtype=bool),
+                            offset=np.full((4, 3), 4e-6))
+    return SimpleNamespace(
+        at_map=SimpleNamespace(noise=noise, residual=None), components=SimpleNamespace(offset=ratio),
+        components_log_std=np.full(9, 0.5), weights=SimpleNamespace(offsets=lambda residual: off),
+        data=SimpleNamespace(rows=rows, cell=SimpleNamespace(noise=SimpleNamespace(offset_stated=stated))))
+
+
+OFF = np.array([[0, 9e-6, 12e-6], [2e-6, 0, 0], [0, 0, -40e-6], [20e-6, 0, 0]])
+
+
 @pytest.mark.parametrize(("stated", "usual"), [(True, 2.0), (False, 3.0)])
 @pytest.mark.parametrize(("chance", "said"), [(0.06, False), (0.04, True)])
 def test_the_zero_is_said_to_move_where_chance_does_so_in_one_of_twenty(
@@ -310,22 +325,19 @@ def test_the_zero_is_said_to_move_where_chance_does_so_in_one_of_twenty(
 ) -> None:
     """By the normal distribution of the logarithm of how far it moves, in units of what was stated, or of what is usual. The
     visits that are farthest off are told in their order, three at most."""
-    rows: Any = SimpleNamespace(machined_pass=np.full(8, ""), source="m.csv", pose=np.repeat(["A", "B", "", "D"], 2),
-                                line=np.arange(2, 10))
-    noise: Any = SimpleNamespace(visit=np.repeat(np.arange(4), 2), measured=np.ones((8, 3), dtype=bool),
-                                 offset=np.full((4, 3), 4e-6))
-    off = np.array([[0, 9e-6, 12e-6], [2e-6, 0, 0], [0, 0, -40e-6], [20e-6, 0, 0]])
-    width = np.full(9, 0.5)
     ratio = usual * np.exp(stats.norm.isf(chance) * 0.5)
-    fitted: Any = SimpleNamespace(
-        at_map=SimpleNamespace(noise=noise, residual=None), components=SimpleNamespace(offset=ratio), components_log_std=width,
-        data=SimpleNamespace(rows=rows, cell=SimpleNamespace(noise=SimpleNamespace(offset_stated=stated))),
-        weights=SimpleNamespace(offsets=lambda residual: off))
-    told = moving_zero(fitted)
+    told = moving_zero(reseated(OFF, ratio, stated))
     assert len(told) == said
     if said:
         assert "farthest the pose from line 6 by 40 um, D by 20 um, A by 15 um" in told[0].message
         assert f"{4 * ratio:.2g} um, {ratio:.1f} times the 4 um" in told[0].message
+
+
+def test_the_zero_is_not_said_to_move_by_more_than_any_pose_is_off() -> None:
+    """A table with a mistake makes re-seating large, and no pose is off by as much."""
+    (told,) = moving_zero(reseated(10 * OFF, 30.0, False))
+    assert "by 120 um, 30.0 times the 4 um" in told.message
+    assert moving_zero(reseated(OFF, 30.0, False)) == []
 
 
 @pytest.mark.parametrize("seed", [71033, 71037])

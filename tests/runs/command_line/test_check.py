@@ -314,6 +314,15 @@ def test_a_file_of_no_kind_is_said_where_it_is_named(folder: Path, name: str, co
     assert kit.codes(run) == {"CS0110"}
 
 
+def test_a_log_under_lines_of_its_own_logger_is_told_as_a_log(folder: Path) -> None:
+    """With the columns to put into cell.yaml, as correct says it."""
+    (folder / "logged.csv").write_text("Messung vom 12.03.\nProjekt: Tasche\nZeit [ms];Kraft X [N];Kraft Y [N];Kraft Z [N]\n"
+                                       + "".join(f"{10 * k};1,5;2,5;3,5\n" for k in range(20)))
+    run = check(folder, folder / "logged.csv")
+    assert verdicts(run)["logged.csv"] == ("force log", "error")
+    assert "columns: [time_ms, fx_n, fy_n, fz_n]" in run.out
+
+
 def test_the_samples_are_sound(tmp_path: Path) -> None:
     for name in ("cell.yaml", "measurements.csv", "insert.mod"):
         shutil.copy(SAMPLES / name, tmp_path)

@@ -132,6 +132,7 @@ def test_explain() -> None:
     assert "correct takes it into account" in play.out
     assert "taken out of the data" in kit.run("explain", "stand_compliance").out
     assert {"CS4107", "backlash"} <= {line.split()[0] for line in kit.run("explain").out.splitlines() if line}
+    assert "near it: hysteresis" in kit.run("explain", "hysterisis").err
     unknown = kit.run("explain", "CS9999", "--json")
     assert unknown.code in (1, 2)
     assert unknown.json["findings"]

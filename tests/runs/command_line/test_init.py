@@ -155,6 +155,8 @@ def test_a_folder_that_exists_is_left_as_it_is(cell: Path) -> None:
     (("--robot", "irb4400-60", "--tool-tcp", "0,0,250", "--force-frame", "sensor"), 2, "--sensor-position"),
     (("--robot", "irb4400-60", "--tool-tcp", "0,0,250", "--sensor-position", "0,0,1"), 2, "belong to"),
     (("--robot", "irb4400-60", "--tool-tcp", "0,0,250", "--weights", "heavy"), 2, "masses in kg"),
+    (("--robot", "irb4400-60", "--tool-tcp", "0,0,250", "--material", "wood"), 2, "none of aluminium"),
+    (("--robot", "irb4400-60", "--tool-tcp", "0,0,250", "--contact", "3"), 2, "belong to --material"),
 ])
 def test_what_cannot_become_a_cell_is_refused_and_nothing_written(
     tmp_path: Path, words: tuple[str, ...], code: int, said: str
@@ -172,7 +174,8 @@ def test_every_answer_stands_in_the_cell(tmp_path: Path) -> None:
     done = kit.run("init", tmp_path / "new", "--robot", "irb4400-60", "--tool-tcp", "1.5,-2,250", "--tool-quaternion",
                    "0.70710678,0,0.70710678,0", "--tool-mass", "31.25", "--tool-centre", "4,5,-6", "--deflection-std", "7.5",
                    "--force-frame", "sensor", "--sensor-position", "0,0,61", "--sensor-quaternion", "0,1,0,0", "--force-sign",
-                   "by_tool", "--spindle-rpm", "12345", "--weights", "20,40", "--serial-number", '12 "b"')
+                   "by_tool", "--spindle-rpm", "12345", "--weights", "20,40", "--serial-number", '12 "b"',
+                   "--material", "cast iron", "--cutter-diameter", "12.5", "--contact", "3")
     assert done.code == 0, done
     cell = yaml.safe_load((tmp_path / "new" / "cell.yaml").read_text())
     assert cell["tool"] == {"position_mm": [1.5, -2, 250], "quaternion": [0.70710678, 0, 0.70710678, 0], "mass_kg": 31.25,
@@ -181,6 +184,7 @@ def test_every_answer_stands_in_the_cell(tmp_path: Path) -> None:
     assert cell["measurement"] == {"deflection_std_um": [7.5, 7.5, 7.5]}
     assert cell["force_log"] == {"frame": "sensor", "sensor_position_mm": [0, 0, 61], "sensor_quaternion": [0, 1, 0, 0],
                                  "sign": "by_tool", "spindle_rpm": 12345}
+    assert cell["cutting"] == {"material": "cast_iron", "tool_diameter_mm": 12.5, "contact_mm": 3}
     assert "mass_kg" in (tmp_path / "new" / "measurements.csv").read_text().splitlines()[-1].split(",")
     for name in ("Makefile", "chain.ps1"):
         assert "--dead-weight" in (tmp_path / "new" / name).read_text()
@@ -245,7 +249,8 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
                                  ("Robot (", "irb6660-205-1.90"), ("serial number", "6660-1"), ("TCP", "120,0"),
                                  ("TCP", "120,0,250"),
                                  ("Turn of the tool", ""), ("Mass", "80"), ("centre of mass", "10,0,180"), ("1 sigma", ""),
-                                 ("hung weights", ""), ("Frame", "tool"), ("Do the logged", "")):
+                                 ("hung weights", ""), ("Frame", "tool"), ("Do the logged", ""), ("Material", "wood"),
+                                 ("Material", "aluminium"), ("Diameter", "16"), ("How long", "")):
             until(question)
             os.write(primary, f"{answer}\n".encode())
         until("next steps")
@@ -259,5 +264,5 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     text = (tmp_path / "asked" / "cell.yaml").read_text()
     for said in ("robot: irb6660-205-1.90", 'serial_number: "6660-1"',
                  "position_mm: [120, 0, 250]", "mass_kg: 80", "centre_of_mass_mm: [10, 0, 180]",
-                 "frame: tool", "spindle_rpm: 9000"):
+                 "frame: tool", "spindle_rpm: 9000", "material: aluminium", "  tool_diameter_mm: 16", "# contact_mm"):
         assert said in text

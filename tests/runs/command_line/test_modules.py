@@ -88,6 +88,13 @@ def test_the_modules_of_a_job_are_corrected_by_one_log(tmp_path: Path, order: tu
     run = corrected(tmp_path, "job.mod", "out/part.mod", "--modules", "--keep-targets", "--offsets", tmp_path / "offsets.csv")
     assert run.code == 0, run
     assert not {"CS2016", "CS3124", "CS3007"} & kit.codes(run)
+    # Where a target stands is told in the file that its user has.
+    forced = [finding for finding in run.json["findings"] if finding["code"] == "CS4115" or finding["target"] is not None]
+    assert forced
+    for finding in forced:
+        line = (tmp_path / Path(finding["file"]).name).read_text().splitlines()[finding["line"] - 1]
+        assert finding["file"] in ("part.mod", "way.mod"), finding
+        assert line.lstrip().startswith("Move"), finding
     first = 10 if order[0] == "way.mod" else 0              # targets count in the order of the files
     np.testing.assert_allclose(deviations(tmp_path)[first + 15], meant(25, OTHER), atol=0.5)
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["part.mod", "part.mod.json", "way.mod"]
@@ -115,14 +122,29 @@ def test_modules_come_back_as_they_were(tmp_path: Path) -> None:
     assert files == {tmp_path / "out" / name: text for name, text in texts.items()}
 
 
-def test_several_programs_with_one_log_are_told_the_way(tmp_path: Path) -> None:
+def test_several_modules_with_one_log_are_one_job(tmp_path: Path) -> None:
+    """What post, and correct with --modules, make of it; never over the planned modules, and never twice."""
     Job(tmp_path, program=main(), forces=log(PATH)).write()
     (tmp_path / "way.mod").write_text(routine("rWay", PATH.text[10:20]))
-    run = kit.run("correct", tmp_path / "cell.yaml", tmp_path / "part.mod", tmp_path / "way.mod", "--stiffness",
-                  tmp_path / "stiffness.json", "--forces", tmp_path / "forces.csv", "-o", f"{tmp_path}/out/")
-    assert run.code == 2
-    assert "compstiff post CELL" in run.err
-    assert "--modules" in run.err
+    joined(tmp_path, "part.mod", "way.mod")
+    (tmp_path / "one").mkdir()
+    assert corrected(tmp_path, "job.mod", "one/part.mod", "--modules").code == 0
+
+    def direct(output: str, *programs: str) -> kit.Run:
+        return kit.run("correct", tmp_path / "cell.yaml", *(tmp_path / program for program in programs), "--stiffness",
+                       tmp_path / "stiffness.json", "--forces", tmp_path / "forces.csv", "-o", tmp_path / output, "--force")
+
+    run = direct("out", "part.mod", "way.mod")
+    assert run.code == 0, run
+    assert "joined: part.mod, way.mod" in run.out
+    for name in ("part.mod", "way.mod"):
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "one" / name).read_bytes()
+    assert (tmp_path / "part_job.mod").read_bytes() == (tmp_path / "job.mod").read_bytes()
+    planned = (tmp_path / "part.mod").read_bytes()
+    assert "CS0006" in direct("", "part.mod", "way.mod").err
+    assert (tmp_path / "part.mod").read_bytes() == planned
+    assert "CS4204" in direct("again", "out/part.mod", "out/way.mod").err
+    assert "names a folder" in direct("job_corrected.mod", "part.mod", "way.mod").err
 
 
 def test_one_module_by_the_path_lengths_of_the_whole_job_is_refused(tmp_path: Path) -> None:

@@ -125,6 +125,14 @@ def test_shares_that_are_none(job: MillingJob, offsets: Path) -> None:
         assert not (job.folder / "no.mod").exists()
 
 
+def test_a_target_left_without_force_is_not_said_to_be_on_the_plan(offsets: Path) -> None:
+    """Where the tool leaves, added targets take the force that was logged beside the program's own: it is pushed off, not
+    corrected, and nobody knows what is left there."""
+    rows = [row for row in kit.table(offsets) if float(row["dx_um"] or 0) and not float(row["left_um"] or 0)]
+    assert rows
+    assert {(row["left_um"], row["cut_um"], row["note"]) for row in rows} == {("", "", "no force right at it: not corrected")}
+
+
 def test_push_says_what_it_does_not_send(job: MillingJob, found: Correction, offsets: Path, tmp_path: Path) -> None:
     """A note with the moves and half of the largest step between two offsets, by a reader of its own; a warning where they are
     many; nothing where no target was added."""
@@ -135,8 +143,9 @@ def test_push_says_what_it_does_not_send(job: MillingJob, found: Correction, off
     step = 1e3 * np.linalg.norm(offset[moves] - offset[moves - 1], axis=1).max()
     answer = kit.run("push", job.cell, offsets, "--program", job.program, "--json")
     (said,) = [one for one in answer.json["findings"] if one["code"] == "CS5008"]
-    corrected = int(np.any(offset != 0, axis=1).sum())
-    assert said["message"].startswith(f"in {len(moves)} of {corrected} corrected moves")
+    ends = np.any(offset != 0, axis=1)
+    corrected = len(set(moves) | set(np.flatnonzero(ends)) | set(np.flatnonzero(ends[:-1]) + 1))
+    assert said["message"].startswith(f"in {len(moves)} of {corrected} moves from or to a corrected target")
     assert f"up to about {0.5 * step:.0f} um at the worst" in said["message"]
     assert said["level"] == ("warning" if len(moves) > corrected / 4 else "note")
     few = tmp_path / "few.csv"

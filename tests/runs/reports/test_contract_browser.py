@@ -66,6 +66,9 @@ def test_no_request_no_complaint_no_overflow(browser: Any, folder: Path, name: s
         if SCREENSHOTS:
             found.page.screenshot(path=Path(SCREENSHOTS) / f"{name}-{media}-{width}.png", full_page=True)
         assert over <= 0, f"{name} is {over} px too wide for {width} px, {media}"
+        cut = found.page.evaluate("[...document.querySelectorAll('.stack')].filter(one => "
+                                  "one.scrollWidth > one.parentElement.clientWidth).length")
+        assert not cut or width > 390, f"{name}: {cut} tables of few rows, or of sentences, are cut on a telephone"
     found.page.close()
 
 
