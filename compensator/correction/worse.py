@@ -10,7 +10,8 @@ tool stands deeper, which the corrected pass alone has. With m = r - b a target 
 Given f the left side is a normal number, so the probability is a value of its distribution function, averaged over f. e holds
 the covariance of the prediction (stiffnesses, effects and what the diagnosis left ambiguous, scatter of the force and the
 sensor's zero, a predicted force, what was learned or no measured part shows), the sensor's gain and the robot in motion, both
-in proportion to the deviation, and what lies between targets, for whoever stands beside one. Where a program that yields meets
+in proportion to the deviation, how the sensor is turned, where the robot stands without load, and what lies between targets,
+for whoever stands beside one. Where a program that yields meets
 another force than one on its plan S is the mean of both passes', and by what the corrected one's is wider across m goes into
 the mean of the left side.
 
@@ -35,6 +36,7 @@ from compensator.correction.engagement import CorrectedPass
 from compensator.correction.expected_left import in_proportion
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction
+from compensator.correction.unloaded_robot import by_unloaded_robot
 from identification.common.arrays import Array, directions
 from identification.model.compliance import CHUNK
 from identification.model.kinematics import chunks
@@ -115,6 +117,7 @@ def risk(before: Array, of_before: Array, after: Array, of_after: Array, grows: 
 def risk_of(predicted: Predicted, cut: CorrectedPass, prediction: Prediction, correction: Correction) -> Risk:
     """Of a corrected program, and the prediction of the deviation that the corrected pass has."""
     planned, path, share = predicted.prediction, predicted.path, sum(in_proportion(predicted))
+    unloaded = by_unloaded_robot(predicted)
     # A target that is held back stands less deep than one on the plan, and one that is not moved meets the force it met.
     made = np.minimum(correction.share, 1.0)
 
@@ -123,9 +126,13 @@ def risk_of(predicted: Predicted, cut: CorrectedPass, prediction: Prediction, co
         moved = path.base_from_object[correction.targets[part]].rotation @ correction.offset[part, :, None]
         after = before + made[part, None] * (prediction.position[part] - before) + moved[:, :, 0]
         along = directions(prediction.position[part])
-        of_size = share * np.einsum("ni,nj->nij", before, before)
+        of_both = share * np.einsum("ni,nj->nij", before, before)
+        if planned.turned is not None:
+            of_both += planned.turned[part] * cut.uncorrected[part, None, None] ** 2
+        if unloaded is not None:
+            of_both += unloaded[part]
         of_cut = np.einsum("n,ni,nj->nij", cut.in_covariance[part] ** 2, along, along)
-        return risk(before, planned.at_rest_covariance[part] + of_size, after, prediction.covariance[part] - of_cut + of_size,
+        return risk(before, planned.at_rest_covariance[part] + of_both, after, prediction.covariance[part] - of_cut + of_both,
                     made[part] * cut.left[part])
 
     # Held until the program is written: in single precision, which is enough of a probability.
