@@ -153,7 +153,10 @@ def foreseen(predicted: Predicted, cut: CorrectedPass, prediction: Prediction) -
     of_scatter = np.clip(prediction.of_scatter, 0.0, np.maximum(of_model, 0.0))
     of_force = np.clip(prediction.of_force, 0.0, np.maximum(of_model - of_scatter, 0.0))
     of_learned = np.clip(prediction.of_learned, 0.0, np.maximum(of_model - of_scatter - of_force, 0.0))
-    return Foreseen(np.linalg.norm(prediction.position, axis=1), np.maximum(of_model - of_scatter - of_force - of_learned, 0.0),
+    of_model = np.maximum(of_model - of_scatter - of_force - of_learned, 0.0)
+    if prediction.wide is not None:
+        of_model = of_model + prediction.wide.missing
+    return Foreseen(np.linalg.norm(prediction.position, axis=1), of_model,
                     held_once(of_force), of_scatter, held_once(of_learned), _size_of(prediction.turned, len(of_model)),
                     _size_of(by_unloaded_robot(predicted), len(of_model)), cut.left.copy(), cut.at_depths,
                     cut.at_slot_depths, *_bent_and_turned(predicted, prediction))

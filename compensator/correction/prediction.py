@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from compensator.correction.forward import StateChange, load_state_of, loaded_blocks, state_changes
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.turned_sensor import by_turned_sensor, lever_of, mounting_std
+from compensator.correction.wide_springs import WideSprings
 from compensator.learned.learned import Rest
 from identification.common.arrays import held_once, read_only
 from identification.common.findings import CompstiffError, Finding
@@ -45,7 +46,8 @@ class Prediction:
     the part of covariance of what no measured part shows there, None: nothing was learned.
     at_rest (M, 3) [m], at_rest_covariance (M, 3, 3) [m^2]: where the tool of the program as it is comes to rest. Of logged
     forces, which are those of that pass, they are position and covariance.
-    turned (M, 3, 3) [m^2]: covariance beside that by a sensor that is turned in its seat; None: nothing is said of that.
+    turned (M, 3, 3) [m^2]: covariance beside that by a sensor that is turned in its seat; None: nothing is said of that. wide:
+    what is more where springs are known to a factor; None: they are known well.
     """
 
     targets: Indices
@@ -61,6 +63,7 @@ class Prediction:
     at_rest: Array
     at_rest_covariance: Array
     turned: Array | None = None
+    wide: WideSprings | None = None
 
     @property
     def known(self) -> Array:
@@ -94,6 +97,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     yields = None if follows is None else np.empty((count, 3, 3))
     turned_by = mounting_std(loaded)
     turned, lever = (np.empty((count, 3, 3)), lever_of(loaded)) if turned_by else (None, None)
+    wide = WideSprings.of(model, count)
     of_scatter, of_force = np.zeros(count), np.broadcast_to(0.0, count) if unknown is None else np.zeros(count)
     for block in loaded_blocks(loaded, theta, weight=True):
         tool, places = block.flange_from_tcp, block.places
@@ -106,6 +110,8 @@ def predict_path(loaded: LoadedPath) -> Prediction:
             spread = model.covariance_by(columns, wrench[few], adding, rows=POSITION)
             if turned is not None and lever is not None:
                 turned[few] = by_turned_sensor(columns, model.compliance, wrench[few], lever[few], turned_by).T
+            if wide is not None:
+                wide.put(few, model, columns, wrench[few])
             if scatter.any() or unknown is not None:
                 carried = carried_by(columns, model.compliance)
                 if unknown is not None:
@@ -142,7 +148,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     read_only(position, covariance, notes, of_scatter, of_force, at_rest, at_rest_covariance,
               *([] if turned is None else [turned]))
     return Prediction(targets, position, covariance, notes, (*_unknown_gravity(model), *outside, *findings), learned,
-                      of_learned, of_scatter, unseen, of_force, at_rest, at_rest_covariance, turned)
+                      of_learned, of_scatter, unseen, of_force, at_rest, at_rest_covariance, turned, wide)
 
 
 def _yields(compliance: Array, follows: Array) -> Array:
