@@ -37,7 +37,6 @@ from compensator.correction.fine_grid import FULL, spacing_of
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction
 from compensator.correction.settings import EXACTLY_ONE
-from compensator.correction.unloaded_robot import by_unloaded_robot
 from identification.common.arrays import Array, held_once, read_only, rms
 from identification.common.quantities import two_sigma
 
@@ -146,8 +145,9 @@ class Foreseen:
     turned: Array
 
 
-def foreseen(predicted: Predicted, cut: CorrectedPass, prediction: Prediction) -> Foreseen:
-    """Of the pass that the corrected program will be, and the prediction of its deviation."""
+def foreseen(predicted: Predicted, cut: CorrectedPass, prediction: Prediction, unloaded: Array | None) -> Foreseen:
+    """Of the pass that the corrected program will be, the prediction of its deviation, and the covariance (M, 3, 3) [m^2] of
+    where the robot stands without load, if it is stated."""
     # What is learned of the rest may be known better together with the springs than the springs by themselves.
     of_model = np.trace(prediction.covariance, axis1=1, axis2=2) - cut.in_covariance**2
     of_scatter = np.clip(prediction.of_scatter, 0.0, np.maximum(of_model, 0.0))
@@ -158,7 +158,7 @@ def foreseen(predicted: Predicted, cut: CorrectedPass, prediction: Prediction) -
         of_model = of_model + prediction.wide.missing
     return Foreseen(np.linalg.norm(prediction.position, axis=1), of_model,
                     held_once(of_force), of_scatter, held_once(of_learned), _size_of(prediction.turned, len(of_model)),
-                    _size_of(by_unloaded_robot(predicted), len(of_model)), cut.left.copy(), cut.at_depths,
+                    _size_of(unloaded, len(of_model)), cut.left.copy(), cut.at_depths,
                     cut.at_slot_depths, *_bent_and_turned(predicted, prediction))
 
 

@@ -20,6 +20,7 @@ from compensator.correction.posture import advise
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
 from compensator.correction.settings import DEPTH, EXACTLY_ONE, Estimate
+from compensator.correction.unloaded_robot import by_unloaded_robot
 from identification.common.findings import CompstiffError
 from identification.model.cell import Cell
 
@@ -111,7 +112,7 @@ def _tried(corrected: Corrected) -> Iterator[tuple[str, str, Callable[[], Array 
 def _again(corrected: Corrected, predicted: Predicted, logged: LoggedPass | None = None) -> Array:
     """1 sigma (M,) [m] of a program in which something is otherwise."""
     cut, prediction = following_the_cut(predicted, corrected.kept, logged or corrected.logged)
-    known = foreseen(predicted, cut, prediction)
+    known = foreseen(predicted, cut, prediction, by_unloaded_robot(predicted))
     return expected_left(predicted, corrected.kept, known, corrected.residual, corrected.between).std
 
 

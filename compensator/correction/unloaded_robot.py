@@ -21,8 +21,8 @@ from compensator.learned.remainder import features, kernel, spread_out
 from identification.common.arrays import Array
 from identification.model.kinematics import chunks
 
-# The rigid motion is that of so many places at most.
-PLACES = 60
+# The rigid motion is that of so many places at most, chosen among so many targets.
+PLACES, AMONG = 60, 2000
 
 
 def by_unloaded_robot(predicted: Predicted) -> Array | None:
@@ -42,7 +42,8 @@ def by_unloaded_robot(predicted: Predicted) -> Array | None:
 def beside_a_rigid_motion(position: Array, theta: Array, length: float) -> Array:
     """Covariance (n, 3, 3) of what a rigid motion leaves of a process of unit variance a component, at TCP positions (n, 3) [m]
     and joint angles (n, 6) [rad]; length [m] over which it changes."""
-    chosen = spread_out(position, theta, length, PLACES)
+    every = max(len(position) // AMONG, 1)
+    chosen = every * spread_out(position[::every], theta[::every], length, PLACES)
     middle = position[chosen].mean(axis=0)
     size = max(float(np.linalg.norm(position[chosen] - middle, axis=1).max()), 1e-9)
 

@@ -38,7 +38,6 @@ from compensator.correction.engagement import CorrectedPass
 from compensator.correction.expected_left import in_proportion
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction
-from compensator.correction.unloaded_robot import by_unloaded_robot
 from identification.common.arrays import Array, directions
 from identification.model.compliance import CHUNK
 from identification.model.kinematics import chunks
@@ -137,10 +136,12 @@ def risk(
                 np.trace(more, axis1=1, axis2=2) - np.einsum("ni,nij,nj->n", across, more, across), grows, spread, lift)
 
 
-def risk_of(predicted: Predicted, cut: CorrectedPass, prediction: Prediction, correction: Correction) -> Risk:
-    """Of a corrected program, and the prediction of the deviation that the corrected pass has."""
+def risk_of(
+    predicted: Predicted, cut: CorrectedPass, prediction: Prediction, correction: Correction, unloaded: Array | None
+) -> Risk:
+    """Of a corrected program, the prediction of the deviation that the corrected pass has, and the covariance (M, 3, 3) [m^2]
+    of where the robot stands without load, if it is stated."""
     planned, path, share = predicted.prediction, predicted.path, sum(in_proportion(predicted))
-    unloaded = by_unloaded_robot(predicted)
     # A target that is held back stands less deep than one on the plan, and one that is not moved meets the force it met.
     made = np.minimum(correction.share, 1.0)
 
