@@ -9,7 +9,9 @@ error of up to 0.2 mm (a sum of plane waves of 0.3 to 1.5 m), and a spindle that
 none of it. Each robot is load-tested with realistic noise and identified; the planned program is milled, logged and measured on
 a machine of 3 um. Mirroring, what shops do: the planned targets less the deviation measured there.
 
-Off: distance of the loaded tool from plan at every half millimetre that cuts. Gone: of its RMS. Worse: robots whose RMS grew.
+Off: distance of the loaded tool from plan at every half millimetre that cuts. Gone: of its RMS. Within 2 sigma: share of those
+steps by left_um, mean and worst robot. Worse: robots whose RMS grew. Accuracy and motion stated: `accuracy.position_um` 120,
+the RMS of such errors over half a metre, and `motion.compliance_std` 0.2.
 noise: parts that are off by their deflection and white noise, or noise that neighbours share, alone: what is learned of them.
 causes: an effect came to the robot after its load test: what `learn` says of it, what stretches left out and the second part
 gain by it; and what it says of parts where nothing came, with and without the kinematic error and the warming. --arms: `parts`
@@ -50,6 +52,7 @@ from tests.virtual_cell.milling import Commands
 PART, OTHER = {}, {"allowance_mm": 0.7, "wall_depth_mm": 5.0}
 PROBE_UM = 3.0
 CUT = "  spindle_rpm: 9000\ncutting: {{material: aluminium, tool_diameter_mm: 16, contact_mm: {depth:g}}}\n"
+ERRS = "accuracy: {position_um: 120}\nmotion: {compliance_std: 0.2}\n"
 NOISES_UM = (3.0, 10.0)
 DRAWS = 12
 # Of the typical size, or of a multiple of it.
@@ -58,14 +61,21 @@ CAUSES = ("backlash:1", "soft_zone:1", "gear_friction:1", "base_rocking::2", "sp
           "link_bending:3:2", TURNED)
 
 
-def gone(job: ErringJob, commands: Commands | Correction) -> tuple[float, float, float]:
-    """RMS [um] off before and after, and the share that is gone [%]."""
+Gone = tuple[float, float, float, float]
+
+
+def gone(job: ErringJob, commands: Commands | Correction) -> Gone:
+    """RMS [um] off before and after, the share that is gone [%], and that of the steps that are within 2 sigma [%], NaN of
+    programs that state none."""
     part = commands.part if isinstance(commands, Correction) else job.part
     given = commands.commands if isinstance(commands, Correction) else commands
     first = job.first_with(part)
     done = job.mill(given, part=part)
-    before, after = rms(off_um(done, first)), rms(off_um(first, done))
-    return before, after, 100 * (1 - after / before)
+    before, after, within = rms(off_um(done, first)), rms(off_um(first, done)), np.nan
+    if isinstance(commands, Correction):
+        cut, stated = first.cutting | done.cutting, first.steps.between(commands.left_um)
+        within = 100 * float(np.mean(off_um(first, done)[stated[cut] > 0] <= 2 * stated[cut & (stated > 0)]))
+    return before, after, 100 * (1 - after / before), within
 
 
 def at_corners(job: ErringJob, made: Correction) -> float:
@@ -76,7 +86,7 @@ def at_corners(job: ErringJob, made: Correction) -> float:
     return 100 * float(square[corner].sum() / square.sum())
 
 
-def second_measured(job: ErringJob, log: Path, stiffness: Path) -> dict[str, tuple[float, float, float]]:
+def second_measured(job: ErringJob, log: Path, stiffness: Path) -> dict[str, Gone]:
     """The part measured is the one corrected already: its offsets are named, and the third is milled with what it taught."""
     found = corrected(job, log, stiffness)
     second, offsets = job.mill(found.commands, part=found.part), job.offsets(found, "offsets1.csv")
@@ -90,7 +100,7 @@ def second_measured(job: ErringJob, log: Path, stiffness: Path) -> dict[str, tup
     return {"first part a third time: learned from the second, --logged-with, --repeats job": gone(job, made)}
 
 
-def robot(seed: int, arm: str | None = None) -> tuple[dict[str, tuple[float, float, float]], list[str]]:
+def robot(seed: int, arm: str | None = None) -> tuple[dict[str, Gone], list[str]]:
     """One robot: every way to command the second part, and another part."""
     with tempfile.TemporaryDirectory() as folder:
         job_of = ErringJob if arm is None else partial(AnotherArmJob, arm=arm)
@@ -101,6 +111,8 @@ def robot(seed: int, arm: str | None = None) -> tuple[dict[str, tuple[float, flo
         cut, cut_of_other = (CUT.format(depth=part.get("wall_depth_mm", 4.0)) for part in (PART, OTHER))
         rows = {"first part again: not learned": gone(job, corrected(job, log, stiffness)),
                 "first part again: not learned, material stated": gone(job, corrected(job, log, stiffness, cut=cut)),
+                "first part again: not learned, accuracy and motion stated": gone(
+                    job, corrected(job, log, stiffness, cut=ERRS)),
                 "mirrored, without noise": gone(job, mirrored(job, job.first, 0.0)),
                 f"mirrored, noise {PROBE_UM:g} um": gone(job, mirrored(job, job.first, PROBE_UM)),
                 "mirrored, noise 10 um": gone(job, mirrored(job, job.first, 10.0)),
@@ -124,6 +136,8 @@ def robot(seed: int, arm: str | None = None) -> tuple[dict[str, tuple[float, flo
         for repeats in ("nothing", "setup"):
             rows[f"another part: learned, --repeats {repeats}"] = gone(
                 other, corrected(other, log_of_other, stiffness, learned, repeats))
+        rows["another part: learned, --repeats nothing, accuracy and motion stated"] = gone(
+            other, corrected(other, log_of_other, stiffness, learned, "nothing", ERRS))
         rows["first part again: learned, --repeats job, material stated"] = gone(
             job, corrected(job, log, stiffness, learned, "job", cut))
         tightened = job.correct(log, stiffness, settings(learned=learned, repeats="job", tighten_zones=True),
@@ -254,17 +268,18 @@ def main() -> None:
     seeds = range(options.first_seed, options.first_seed + options.robots)
     with ProcessPoolExecutor(options.workers) as pool:
         if options.only in (None, "parts"):
-            table: dict[str, list[tuple[float, float, float]]] = defaultdict(list)
+            table: dict[str, list[Gone]] = defaultdict(list)
             for rows, said in pool.map(robot, seeds, islice(cycle(options.arms or [None]), len(seeds))):
                 print(*said, sep="\n", flush=True)
                 for name, values in rows.items():
                     table[name].append(values)
             print(f"\n{len(seeds)} robots from seed {seeds[0]}. Mean (worst robot)")
-            print("| program | off before [um] RMS | after | gone | worse | robots |\n|---|---|---|---|---|---|")
+            print("| program | off before [um] RMS | after | gone | within 2 sigma | worse | robots |\n" + 7 * "|---" + "|")
             for name, values in sorted(table.items()):
-                before, after, share = np.array(values).T
+                before, after, share, within = np.array(values).T
                 print(f"| {name} | {before.mean():.0f} | {after.mean():.1f} ({after.max():.1f}) | {share.mean():.1f} % "
-                      f"({share.min():.1f}) | {int((share < 0).sum())} | {len(values)} |")
+                      f"({share.min():.1f}) | {within.mean():.1f} % ({within.min():.0f}) | {int((share < 0).sum())} | "
+                      f"{len(values)} |")
         if options.only in (None, "causes"):
             print_causes(pool, seeds)
         if options.only in (None, "noise"):

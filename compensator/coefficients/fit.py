@@ -82,10 +82,12 @@ def cutting_coefficients(
     mean, covariance, material, assumed = before(cell, float(np.median(chip)))
     found = fit_coefficients(rows, mean, covariance)
     gain = 0.0 if cell.force_log.form.gain_std is None else cell.force_log.form.gain_std
+    seat = np.radians(cell.force_log.form.mounting_std_deg or 0.0)
+    turned = seat * np.einsum("kni,ani->ka", found.gain, np.cross(np.eye(3)[:, None], rows.force))
     taken = np.einsum("kni,ni->k", found.gain, missing_force(cut, found.mean)[used])
     coefficients = Coefficients(
         found.mean.copy(),
-        found.covariance + gain**2 * np.outer(found.mean, found.mean) + np.outer(taken, taken),
+        found.covariance + gain**2 * np.outer(found.mean, found.mean) + turned @ turned.T + np.outer(taken, taken),
         found.model_error, cut.cutter,
         material,
         (float(chip.min()), float(chip.max())),

@@ -10,7 +10,10 @@ from identification.common.report import ReportTable
 
 # So many places are listed; the JSON result holds all.
 SHOWN = 20
-COLOURS = dict(zip(CAUSES, ("s1", "s7", "s8", "s3", "s2", "s4", "s6", "s5"), strict=True))
+# Of causes that go together the second is dashed.
+COLOURS = {"model": "s1", "force": "s7", "scatter": "s8", "sensor": "s3", "mounting": "s3", "motion": "s2", "cut": "s4",
+           "learned": "s6", "accuracy": "s6", "between": "s5"}
+DASHED = ("mounting", "accuracy")
 
 
 def budget_sentence(budget: Budget) -> str:
@@ -57,7 +60,8 @@ def budget_figure(budget: Budget) -> Figure:
     """Two sigma by cause along the path, with the tolerance."""
     corrected = budget.corrected
     length = 1e3 * corrected.predicted.path.length[corrected.predicted.targets]
-    series: list[Series] = [Line(words, length, 1e6 * SIGMAS * getattr(corrected.left, cause), COLOURS[cause], 1.2)
+    series: list[Series] = [Line(words, length, 1e6 * SIGMAS * getattr(corrected.left, cause), COLOURS[cause], 1.2,
+                                 dashed=cause in DASHED)
                             for cause, words in CAUSES.items() if getattr(corrected.left, cause).any()]
     series += [Line("all together", length, 1e6 * budget.two_sigma, "ink", 1.6),
                Rule(1e6 * budget.tolerance, "tolerance", "bad")]

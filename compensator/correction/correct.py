@@ -23,6 +23,7 @@ from compensator.correction.posture import Advice, advise
 from compensator.correction.predict import Predicted, largest_and_rms
 from compensator.correction.prediction import Prediction
 from compensator.correction.read_back import read_back
+from compensator.correction.unloaded_robot import by_unloaded_robot
 from compensator.correction.waiting import Waiting, told, waiting
 from compensator.correction.worse import risk_of
 from compensator.path.feasibility import FeedCheck, check_feed, judge
@@ -165,8 +166,10 @@ def correct(planned: Predicted) -> Corrected:
     cut, prediction = following_the_cut(predicted, kept, logged)
     air = air_beside(looked_at if predicted.loaded.learned is None else None, predicted.targets)
     correction = restrained(predicted, logged, cut, prediction, air)
-    known, at_risk = foreseen(predicted, cut, prediction), risk_of(predicted, cut, prediction, correction)
-    del prediction
+    unloaded = by_unloaded_robot(predicted)
+    known = foreseen(predicted, cut, prediction, unloaded)
+    at_risk = risk_of(predicted, cut, prediction, correction, unloaded)
+    del prediction, unloaded
     posting = planned.settings.posting
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,
                       correction.confdata, shared=posting.split is not None or posting.modules)

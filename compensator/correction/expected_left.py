@@ -8,12 +8,14 @@ The covariance of a prediction is that of the robot under the force as logged. O
     scatter   of the mean force at a target, as the log shows it: large where the tool enters or leaves the cut; and the
               sensor's zero after a tare, as moves in the air show it
     sensor    the gain of the force sensor: so large a share of the deviation
+    mounting  the force sensor turned in its seat by force_log.mounting_std_deg, and all forces with it (turned_sensor.py)
     motion    the moving robot gives way otherwise than at rest: motion.compliance_std of the deviation, until --scale of a
               measured pass says how much (then its error is the model's)
     cut       the corrected tool stands deeper in the cut, and the force grows by g: |d| g / (1 + g) is left by as much of the
               cutting stiffness as is not known (engagement.py)
     learned   with --learned: how far what is learned beside the springs is known, and the width of the remainder where no part
               was measured. The springs learned have the motion and the sensor's gain in them: `sensor` and `motion` are nothing
+    accuracy  where the unloaded robot stands, as a calibration states it: `accuracy` of cell.yaml (unloaded_robot.py)
     between   what is left between targets on the moves beside one (between_targets.py); on moves that asked for nothing by how
               much the deviation bends from target to target, at most evenly distributed up to half the tolerance, and with
               no such limit where a move is too short to ask; never less than the step by which it turns with the path
@@ -40,8 +42,9 @@ from identification.common.quantities import two_sigma
 
 Indices = NDArray[np.intp]
 CAUSES = {"model": "the model", "force": "the predicted force", "scatter": "scatter of the force",
-          "sensor": "gain of the force sensor", "motion": "the robot in motion", "cut": "force that follows the cut",
-          "learned": "what was learned", "between": "between targets"}
+          "sensor": "gain of the force sensor", "mounting": "the force sensor's seat", "motion": "the robot in motion",
+          "cut": "force that follows the cut", "learned": "what was learned", "accuracy": "the robot without load",
+          "between": "between targets"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +56,11 @@ class ExpectedLeft:
     force: Array
     scatter: Array
     sensor: Array
+    mounting: Array
     motion: Array
     cut: Array
     learned: Array
+    accuracy: Array
     between: Array
     at_depths: Told = ()
     at_slot_depths: Told = ()
@@ -131,6 +136,8 @@ class Foreseen:
     of_force: Array
     of_scatter: Array
     of_learned: Array
+    of_mounting: Array
+    of_accuracy: Array
     cut: Array
     at_depths: Told
     at_slot_depths: Told
@@ -138,16 +145,26 @@ class Foreseen:
     turned: Array
 
 
-def foreseen(predicted: Predicted, cut: CorrectedPass, prediction: Prediction) -> Foreseen:
-    """Of the pass that the corrected program will be, and the prediction of its deviation."""
+def foreseen(predicted: Predicted, cut: CorrectedPass, prediction: Prediction, unloaded: Array | None) -> Foreseen:
+    """Of the pass that the corrected program will be, the prediction of its deviation, and the covariance (M, 3, 3) [m^2] of
+    where the robot stands without load, if it is stated."""
     # What is learned of the rest may be known better together with the springs than the springs by themselves.
     of_model = np.trace(prediction.covariance, axis1=1, axis2=2) - cut.in_covariance**2
     of_scatter = np.clip(prediction.of_scatter, 0.0, np.maximum(of_model, 0.0))
     of_force = np.clip(prediction.of_force, 0.0, np.maximum(of_model - of_scatter, 0.0))
     of_learned = np.clip(prediction.of_learned, 0.0, np.maximum(of_model - of_scatter - of_force, 0.0))
-    return Foreseen(np.linalg.norm(prediction.position, axis=1), np.maximum(of_model - of_scatter - of_force - of_learned, 0.0),
-                    held_once(of_force), of_scatter, held_once(of_learned), cut.left.copy(), cut.at_depths,
+    of_model = np.maximum(of_model - of_scatter - of_force - of_learned, 0.0)
+    if prediction.wide is not None:
+        of_model = of_model + prediction.wide.missing
+    return Foreseen(np.linalg.norm(prediction.position, axis=1), of_model,
+                    held_once(of_force), of_scatter, held_once(of_learned), _size_of(prediction.turned, len(of_model)),
+                    _size_of(unloaded, len(of_model)), cut.left.copy(), cut.at_depths,
                     cut.at_slot_depths, *_bent_and_turned(predicted, prediction))
+
+
+def _size_of(covariance: Array | None, count: int) -> Array:
+    """Variance (M,) [m^2] of all components; nothing where there is no covariance."""
+    return held_once(np.broadcast_to(0.0, count) if covariance is None else np.trace(covariance, axis1=1, axis2=2))
 
 
 def expected_left(
@@ -158,8 +175,8 @@ def expected_left(
     gain, unknown = np.sqrt(in_proportion(predicted))
     return ExpectedLeft(
         np.sqrt(known.of_model + residual**2), held_once(np.sqrt(known.of_force)), np.sqrt(known.of_scatter), gain * known.size,
-        unknown * known.size, known.cut, held_once(np.sqrt(known.of_learned)),
-        _between(predicted, kept, known, between)[predicted.targets], known.at_depths,
+        held_once(np.sqrt(known.of_mounting)), unknown * known.size, known.cut, held_once(np.sqrt(known.of_learned)),
+        held_once(np.sqrt(known.of_accuracy)), _between(predicted, kept, known, between)[predicted.targets], known.at_depths,
         known.at_slot_depths)
 
 

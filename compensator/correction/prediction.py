@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from compensator.correction.forward import StateChange, load_state_of, loaded_blocks, state_changes
 from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.turned_sensor import by_turned_sensor, lever_of, mounting_std
+from compensator.correction.wide_springs import WideSprings
 from compensator.learned.learned import Rest
 from identification.common.arrays import held_once, read_only
 from identification.common.findings import CompstiffError, Finding
@@ -44,6 +46,8 @@ class Prediction:
     the part of covariance of what no measured part shows there, None: nothing was learned.
     at_rest (M, 3) [m], at_rest_covariance (M, 3, 3) [m^2]: where the tool of the program as it is comes to rest. Of logged
     forces, which are those of that pass, they are position and covariance.
+    turned (M, 3, 3) [m^2]: covariance beside that by a sensor that is turned in its seat; None: nothing is said of that. wide:
+    what is more where springs are known to a factor; None: they are known well.
     """
 
     targets: Indices
@@ -58,6 +62,8 @@ class Prediction:
     of_force: Array
     at_rest: Array
     at_rest_covariance: Array
+    turned: Array | None = None
+    wide: WideSprings | None = None
 
     @property
     def known(self) -> Array:
@@ -89,6 +95,9 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     learned, of_learned, unseen = np.broadcast_to(0.0, (count, 3)), np.broadcast_to(0.0, count), None
     unknown, follows = loaded.forces.unknown, loaded.forces.follows
     yields = None if follows is None else np.empty((count, 3, 3))
+    turned_by = mounting_std(loaded)
+    turned, lever = (np.empty((count, 3, 3)), lever_of(loaded)) if turned_by else (None, None)
+    wide = WideSprings.of(model, count)
     of_scatter, of_force = np.zeros(count), np.broadcast_to(0.0, count) if unknown is None else np.zeros(count)
     for block in loaded_blocks(loaded, theta, weight=True):
         tool, places = block.flange_from_tcp, block.places
@@ -99,6 +108,10 @@ def predict_path(loaded: LoadedPath) -> Prediction:
             columns = spring_columns(model.robot, theta[few], tool)
             adding = None if of_effects is None else of_effects.of(few)
             spread = model.covariance_by(columns, wrench[few], adding, rows=POSITION)
+            if turned is not None and lever is not None:
+                turned[few] = by_turned_sensor(columns, model.compliance, wrench[few], lever[few], turned_by).T
+            if wide is not None:
+                wide.put(few, model, columns, wrench[few])
             if scatter.any() or unknown is not None:
                 carried = carried_by(columns, model.compliance)
                 if unknown is not None:
@@ -132,9 +145,10 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     if yields is not None:
         at_rest = np.einsum("nij,nj->ni", yields, position)
         at_rest_covariance = yields @ covariance @ yields.swapaxes(1, 2)
-    read_only(position, covariance, notes, of_scatter, of_force, at_rest, at_rest_covariance)
+    read_only(position, covariance, notes, of_scatter, of_force, at_rest, at_rest_covariance,
+              *([] if turned is None else [turned]))
     return Prediction(targets, position, covariance, notes, (*_unknown_gravity(model), *outside, *findings), learned,
-                      of_learned, of_scatter, unseen, of_force, at_rest, at_rest_covariance)
+                      of_learned, of_scatter, unseen, of_force, at_rest, at_rest_covariance, turned, wide)
 
 
 def _yields(compliance: Array, follows: Array) -> Array:

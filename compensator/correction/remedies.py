@@ -20,11 +20,14 @@ from compensator.correction.posture import advise
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
 from compensator.correction.settings import DEPTH, EXACTLY_ONE, Estimate
+from compensator.correction.unloaded_robot import by_unloaded_robot
 from identification.common.findings import CompstiffError
+from identification.model.cell import Cell
 
 Array = NDArray[np.float64]
-# 1 sigma of a scale that `verify` finds over some hundred places, and of a gain by a known weight. Engineering judgement.
-SCALE_STD, GAIN_STD = 0.01, 0.003
+# 1 sigma of a scale that `verify` finds over some hundred places, of a gain by a known weight, and of how a sensor is turned
+# [deg] by a weight in two postures. Engineering judgement.
+SCALE_STD, GAIN_STD, MOUNTING_STD = 0.01, 0.003, 0.3
 # A cause that makes up less than this share of the mean square is not looked at.
 WORTH = 0.02
 
@@ -77,7 +80,13 @@ def _tried(corrected: Corrected) -> Iterator[tuple[str, str, Callable[[], Array 
         yield ("measure a milled part and take --scale from verify", "measure some hundred places", lambda: _scaled(corrected))
     if matters(left.sensor) and corrected.predicted.cell.force_log.form.gain_std > GAIN_STD:
         yield (f"check the force sensor with a known weight, force_log.gain_std {GAIN_STD:g}", "a weight and a crane scale",
-               lambda: _known_gain(corrected))
+               lambda: _known_sensor(corrected, gain_std=GAIN_STD))
+    if matters(left.mounting) and (corrected.predicted.cell.force_log.form.mounting_std_deg or 0.0) > MOUNTING_STD:
+        yield (f"read a known weight in two postures, force_log.mounting_std_deg {MOUNTING_STD:g}", "a weight and two poses",
+               lambda: _known_sensor(corrected, mounting_std_deg=MOUNTING_STD))
+    if matters(left.accuracy):
+        yield ("measure this part, compstiff learn, then --learned --repeats setup (at most)", "a part, some hundred points",
+               lambda: _without_statement(corrected))
     if matters(left.model):
         yield ("as many load tests again", "some hours at the robot", lambda: _more_tests(corrected))
     log = corrected.predicted.forces.log
@@ -103,7 +112,7 @@ def _tried(corrected: Corrected) -> Iterator[tuple[str, str, Callable[[], Array 
 def _again(corrected: Corrected, predicted: Predicted, logged: LoggedPass | None = None) -> Array:
     """1 sigma (M,) [m] of a program in which something is otherwise."""
     cut, prediction = following_the_cut(predicted, corrected.kept, logged or corrected.logged)
-    known = foreseen(predicted, cut, prediction)
+    known = foreseen(predicted, cut, prediction, by_unloaded_robot(predicted))
     return expected_left(predicted, corrected.kept, known, corrected.residual, corrected.between).std
 
 
@@ -152,10 +161,19 @@ def _scaled(corrected: Corrected) -> Array:
     return _again(corrected, _with(replace(predicted, settings=settings), loaded))
 
 
-def _known_gain(corrected: Corrected) -> Array:
+def _known_sensor(corrected: Corrected, **known: float) -> Array:
     predicted, log = corrected.predicted, corrected.predicted.cell.force_log
-    cell = replace(predicted.cell, force_log=replace(log, form=log.form.model_copy(update={"gain_std": GAIN_STD})))
-    return _again(corrected, replace(predicted, loaded=replace(predicted.loaded, path=replace(predicted.path, cell=cell))))
+    return _in_cell(corrected, replace(predicted.cell, force_log=replace(log, form=log.form.model_copy(update=known))))
+
+
+def _without_statement(corrected: Corrected) -> Array:
+    """Nothing is left of the unloaded robot's error: an upper bound of what learning it gains."""
+    return _in_cell(corrected, replace(corrected.predicted.cell, accuracy=None))
+
+
+def _in_cell(corrected: Corrected, cell: Cell) -> Array:
+    predicted = corrected.predicted
+    return _again(corrected, _with(predicted, replace(predicted.loaded, path=replace(predicted.path, cell=cell))))
 
 
 def _more_tests(corrected: Corrected) -> Array:

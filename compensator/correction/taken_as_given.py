@@ -45,6 +45,7 @@ class TakenAsGiven:
     force: float
     power: float | None
     sections: dict[str, float]
+    unstated: str = ""              # what nothing is said of, so that it is in no sigma
     of_stock: str = ""              # of forces that were predicted: what is cut, and what another stock would mean
 
     @property
@@ -59,9 +60,10 @@ class TakenAsGiven:
 
     @property
     def words(self) -> list[str]:
-        """One sentence each: robot, part, cut."""
+        """One sentence each: robot, part, cut, and what is taken for exact."""
         cut = self.of_stock or (self.cut if self.force else "")
-        return [f"robot: {self.robot}", f"part: {self.place}", *([f"cut: {cut}"] if cut else [])]
+        return [f"robot: {self.robot}", f"part: {self.place}", *([f"cut: {cut}"] if cut else []),
+                *([f"taken as exact, as cell.yaml says nothing of it: {self.unstated}"] if self.unstated else [])]
 
     def lines(self) -> list[str]:
         """For the terminal."""
@@ -97,13 +99,22 @@ def taken_as_given(loaded: LoadedPath, settings: Settings, another: IfAnother | 
     place = "cuts at " + ", ".join(f"{name} {low:.0f} to {high:.0f}" for name, low, high in zip(
         "xyz", np.floor(at.min(axis=0)), np.ceil(at.max(axis=0)), strict=True)) + " mm from the robot's base"
     if loaded.forces.unknown is not None:
-        return TakenAsGiven(robot, place, 0.0, None, {}, another.words if another else "")
+        return TakenAsGiven(robot, place, 0.0, None, {}, _unstated(loaded), another.words if another else "")
     force = loaded.forces.wrench[targets, :3]
     axis = towards_spindle(path)[targets]
     across = np.linalg.norm(force - axis * np.einsum("ni,ni->n", force, axis)[:, None], axis=1)
     rpm = settings.log.spindle_rpm or cell.force_log.form.spindle_rpm
     power, sections = _cut(across, path.toolpath.feed[targets], cell.cutting, rpm)
-    return TakenAsGiven(robot, place, float(np.median(across)), power, sections)
+    return TakenAsGiven(robot, place, float(np.median(across)), power, sections, _unstated(loaded))
+
+
+def _unstated(loaded: LoadedPath) -> str:
+    """What is in no sigma since cell.yaml does not state it: of a measured part that was learned from the robot's part is."""
+    cell, measured = loaded.path.cell, loaded.forces.unknown is None
+    seat = measured and cell.force_log.form.mounting_std_deg is None
+    robot = cell.accuracy is None and loaded.learned is None
+    return ", ".join(["how the force sensor is turned (force_log.mounting_std_deg)"] * seat
+                     + ["where the robot stands without load (accuracy)"] * robot)
 
 
 def _cut(across: Array, feed: Array, cutting: CuttingFile, rpm: float | None) -> tuple[float | None, dict[str, float]]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from identification.common.findings import error
 from identification.common.yaml_source import read_yaml
 from identification.model.cell_file import (
+    AccuracyFile,
     CellFile,
     ControllerFile,
     CuttingFile,
@@ -84,8 +85,8 @@ class Cell:
     of planned poses may stand, infinite where nothing is said; reach [m]: least and greatest distance of their TCP from axis 1.
     units: the mechanical units beside the arm, None where the file says nothing of them; world_from_base holds where the unit
     that carries the robot stands at its zero.
-    cutting, motion: as the file has them. pendant: how far robot and tool are from the poses of the pendant, None where the
-    file has none.
+    cutting, motion, accuracy: as the file has them. pendant: how far robot and tool are from the poses of the pendant, None
+    where the file has none.
     """
 
     source: Path
@@ -108,6 +109,7 @@ class Cell:
     units: tuple[MechanicalUnit, ...] | None = None
     cutting: CuttingFile = field(default_factory=CuttingFile)
     motion: MotionFile = field(default_factory=MotionFile)
+    accuracy: AccuracyFile | None = None
     pendant: PendantProof | None = None
 
     @property
@@ -188,6 +190,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         units=units,
         cutting=_cutting(described.cutting, file),
         motion=described.motion,
+        accuracy=_accuracy(described.accuracy, file),
         pendant=check_pendant(described.pendant_poses, robot, described.tool.frame(), str(file)),
     )
 
@@ -202,6 +205,16 @@ def _cutting(cutting: CuttingFile, file: Path) -> CuttingFile:
             raise error("CS0102", f"cutting.{key} is stated without cutting.{other}, and says nothing by itself",
                         file=str(file), hint=f"state cutting.{other} too")
     return cutting
+
+
+def _accuracy(accuracy: AccuracyFile | None, file: Path) -> AccuracyFile | None:
+    """As it stands. CompstiffError (CS0102) where of length_mm and probed_by_robot one is stated without the other."""
+    if accuracy is None or accuracy.probed_by_robot == (accuracy.length_mm is not None):
+        return accuracy
+    one, other = ("probed_by_robot", "length_mm") if accuracy.probed_by_robot else ("length_mm", "probed_by_robot: true")
+    raise error("CS0102", f"accuracy.{one} is stated without {other}", file=str(file),
+                hint="of a part that was probed by this robot only what its error changes by over the part is left, and that "
+                "takes both: the length over which it changes, and that the part was probed")
 
 
 def _force_log(log: ForceLogFile, sensor: Frame | None, tool: ToolFile) -> ForceLogFrame:

@@ -66,6 +66,7 @@ class ForceLogFile(Strict):
     target: Literal["nearest", "ahead"] = "nearest"
     position_late_ms: Annotated[float, Field(ge=-1000, le=1000)] = 0.0
     gain_std: Annotated[float, Field(ge=0, le=0.5)] = 0.01
+    mounting_std_deg: Annotated[float, Field(ge=0, le=20)] | None = None
     counts_per_n: Positive | None = None
     counts_per_nm: Positive | None = None
     saturation_n: Positive | None = None
@@ -105,6 +106,15 @@ class MotionFile(Strict):
     """How much more, or less, the moving robot gives way than at rest, where no measured pass has told it."""
 
     compliance_std: Annotated[float, Field(ge=0, le=0.5)] = 0.02
+
+
+class AccuracyFile(Strict):
+    """What a calibration says of the robot without load: how far its tool is from where it was sent. probed_by_robot: the
+    part's work object was measured with this robot, at the part."""
+
+    position_um: Annotated[float, Field(ge=5, le=2e4)]
+    length_mm: Annotated[float, Field(ge=20, le=1e4)] | None = None
+    probed_by_robot: bool = False
 
 
 def host_alone(value: str) -> str:
@@ -209,3 +219,4 @@ class CellFile(Strict):
     design: DesignFile = DesignFile()
     cutting: CuttingFile = CuttingFile()
     motion: MotionFile = MotionFile()
+    accuracy: AccuracyFile | None = None

@@ -13,7 +13,7 @@ from compensator.correction.worse import risk
 from identification.model.compliance import loaded_pose
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import line
-from tests.runs.command_line.user_files import Job
+from tests.runs.command_line.user_files import IRB6660, TOOL, Job
 
 DEVIATION = np.array([30.0, -10.0, 5.0])
 SPREAD = np.array([[400.0, 90, 0], [90, 250, -30], [0, -30, 100]])
@@ -97,10 +97,36 @@ def test_a_cut_of_which_nothing_is_known_is_in_the_number(tmp_path: Path) -> Non
     offsets = job.offsets()
     assert result.json["result"]["expected_left_um"]["cut"] > 100
     rng, count = np.random.default_rng(4), 0.0
-    for deviation, sigma, grows in zip(kit.column(offsets, "dx_um", "dy_um", "dz_um"),
-                                       kit.column(offsets, "left_um")[:, 0], kit.column(offsets, "cut_um")[:, 0], strict=True):
-        # All but the cut along the deviation, as springs in one direction of force have it nearly.
-        before = np.linalg.norm(deviation)
-        error = np.sqrt(sigma**2 - grows**2) * rng.standard_normal(100_000)
-        count += np.mean(np.abs(error + grows * rng.standard_normal(100_000)) > np.abs(before + error))
+    factors = np.exp(0.5 * rng.standard_normal((100_000, 6)))
+    for joints, grows in zip(line(6, 5).q, kit.column(offsets, "cut_um")[:, 0], strict=True):
+        by_spring = by_each_spring(joints)
+        before, true = by_spring.sum(axis=0), factors @ by_spring
+        along = before / np.linalg.norm(before)
+        corrected = true - before + grows * rng.standard_normal((100_000, 1)) * along
+        count += np.mean(np.linalg.norm(corrected, axis=1) > np.linalg.norm(true, axis=1))
     assert result.json["result"]["expected_worse"] == pytest.approx(count, rel=0.1)
+
+
+def by_each_spring(joints: np.ndarray) -> np.ndarray:
+    """Deviation (6, 3) [um] under 200 N along y by each of the springs alone, the others rigid; it is their sum."""
+    return 1e6 * np.array([kit.deviation(IRB6660, joints, TOOL.p, np.array([0, 200.0, 0, 0, 0, 0]),
+                                         np.where(np.arange(6) == one, kit.K, 1e15)) for one in range(6)])
+
+
+@pytest.mark.parametrize(("relative", "most"), [(0.3, 3.0), (0.5, 2.0), (0.8, 2.0)])
+def test_springs_known_to_a_factor_make_few_worse_and_leave_more(tmp_path: Path, relative: float, most: float) -> None:
+    """Of compliances drawn log-normally; by normal errors it is 1.5 to 20 times as many. No more than is stated, either."""
+    forces = "target,fx_n,fy_n,fz_n\n0,0,200,0\n1,0,200,0\n"
+    job = Job(tmp_path, program=line(2, 5).program(), stiffness=kit.stiffness_text(relative=relative), forces=forces,
+              cell=kit.cell_text(extra="force_log: {gain_std: 0}\nmotion: {compliance_std: 0}\n"))
+    answer = job.correct("--json", "--force", "--cutting-stiffness", "1:0", "--confidence", "0.5").json["result"]
+    by_spring = by_each_spring(line(2, 5).q[0])
+    true = np.exp(relative * np.random.default_rng(9).standard_normal((200_000, 6))) @ by_spring
+    off = np.linalg.norm(true - by_spring.sum(axis=0), axis=1)
+    often = 2 * np.mean(off > np.linalg.norm(true, axis=1))
+    # As counted or more, and 5e-4 of the rounding of the answer.
+    assert often - 0.01 < answer["expected_worse"] < most * often + 0.01
+    assert answer["expected_left_um"]["model"] == pytest.approx(np.sqrt(np.mean(off**2)), rel=0.03)
+    direction = by_spring.sum(axis=0) / np.linalg.norm(by_spring.sum(axis=0))
+    share = by_spring @ direction / np.linalg.norm(by_spring.sum(axis=0))
+    assert 2 * NormalDist().cdf(-0.5 / (relative * np.linalg.norm(share))) > 1.5 * answer["expected_worse"], "by normal errors"

@@ -4,6 +4,7 @@ truth is the virtual cell alone; benchmarks/first_part.py has the figures over r
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -415,12 +416,38 @@ def test_a_watch_takes_a_stock_and_another_one_again(shop: Shop, fitted: dict[st
 def test_an_uncertain_gain_of_the_sensor_is_in_the_coefficients_and_moves_none(shop: Shop, tmp_path: Path) -> None:
     """All six are as uncertain together as the gain: g^2 c c^T beside what the rows tell."""
     kept = {}
-    for gain in (0.0, 0.2):
-        cell = shop.a.cell_with("gain.yaml", f"  gain_std: {gain}\n{CUTTING}")
+    for gain, seat in ((0.0, 0), (0.2, 0), (3.0, 3)):
+        cell = shop.a.cell_with("gain.yaml", f"  gain_std: {gain % 3}\n  mounting_std_deg: {seat}\n{CUTTING}")
         shop.run("cutting", cell, shop.a.program, "--stock", shop.stocks[0], "--stiffness", shop.stiffness, "--forces",
                  shop.log, "--tare", "0:2", "-o", tmp_path / f"{gain}.json")
         kept[gain] = json.loads((tmp_path / f"{gain}.json").read_text())
     mean = np.array(kept[0.0]["mean"])
     assert kept[0.2]["mean"] == pytest.approx(kept[0.0]["mean"])
-    told, alone = (np.concatenate(kept[gain]["covariance"]) for gain in (0.2, 0.0))
+    told, alone, seat_told = (np.concatenate(kept[gain]["covariance"]) for gain in (0.2, 0.0, 3.0))
     assert told - alone == pytest.approx(0.04 * np.outer(mean, mean)[np.tril_indices(6)], rel=1e-6)
+    # A seat turned by three degrees: three directions of the coefficients and no more, so large a share of the largest.
+    seat = np.zeros((6, 6))
+    seat[np.tril_indices(6)] = seat_told - alone
+    sizes = np.linalg.eigvalsh(seat + np.tril(seat, -1).T)
+    assert np.abs(sizes[:3]).max() < 1e-9 * sizes[-1]
+    assert 0.3 < np.sqrt(sizes[-1]) / (np.radians(3) * mean.max()) < 3
+
+
+@pytest.mark.long
+def test_a_sensor_that_may_be_turned_makes_coefficients_uncertain_as_turned_ones_say(shop: Shop, tmp_path: Path) -> None:
+    """Fitted again with the sensor's stated axes turned by a third of a degree about each: what they move by is the sigma."""
+    frame = shop.a.cell.read_text()
+    (stated,) = re.findall(r"sensor_quaternion: \[(.*)\]", frame)
+    w, *xyz = map(float, stated.split(","))
+    sensor, kept = Rotation.from_quat([*xyz, w]), {}
+    for axis, turn in (("none", np.zeros(3)), ("seat", np.zeros(3)), *zip("xyz", np.eye(3), strict=True)):
+        x, y, z, w = (sensor * Rotation.from_rotvec(np.radians(turn / 3))).as_quat()
+        cell = shop.a.cell_with("seat.yaml", f"  mounting_std_deg: {3 * (axis == 'seat')}\n{CUTTING}")
+        cell.write_text(cell.read_text().replace(stated, f"{w:.12f}, {x:.12f}, {y:.12f}, {z:.12f}"))
+        shop.run("cutting", cell, shop.a.program, "--stock", shop.stocks[0], "--stiffness", shop.stiffness, "--forces",
+                 shop.log, "--tare", "0:2", "-o", tmp_path / f"{axis}.json")
+        kept[axis] = json.loads((tmp_path / f"{axis}.json").read_text())
+    slopes = 9 * np.array([np.subtract(kept[axis]["mean"], kept["none"]["mean"]) for axis in "xyz"])
+    told, alone = (np.concatenate(kept[axis]["covariance"]) for axis in ("seat", "none"))
+    expected = (slopes.T @ slopes)[np.tril_indices(6)]
+    assert told - alone == pytest.approx(expected, rel=0.15, abs=0.03 * np.abs(expected).max())
