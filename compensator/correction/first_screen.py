@@ -31,8 +31,13 @@ def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
     if budget is not None:
         return _against(budget)
     if isinstance(job, Predicted):
-        return Verdict("open", "NOT CORRECTED", f"Without correction the tool is pushed off its path by up to "
-                       f"{before['largest']:.0f} µm ({before['rms']:.0f} µm RMS).")
+        sentence = (f"Without correction the tool is pushed off its path by up to {before['largest']:.0f} µm "
+                    f"({before['rms']:.0f} µm RMS).")
+        unsure = 2 * figures["deviation_std_um"]["rms"]
+        if unsure > before["rms"]:
+            return Verdict("caution", "NOT CORRECTED, AND NOT KNOWN WELL", f"{sentence} That is uncertain by {unsure:.0f} µm "
+                           "RMS (2 sigma): a stiffness, or the force, is not known well.")
+        return Verdict("open", "NOT CORRECTED", sentence)
     left = figures["expected_left_um"]
     sentence = (f"The tool was pushed off its path by {before['rms']:.0f} µm RMS, {before['largest']:.0f} µm at most. After "
                 f"this "

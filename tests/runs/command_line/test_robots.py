@@ -136,6 +136,18 @@ def test_a_table_is_predicted_for_another_makers_robot(name: str, tmp_path: Path
     np.testing.assert_allclose(found, wanted, atol=0.05)
 
 
+@pytest.mark.parametrize(("share", "said"), [(0.02, False), (1.0, True)])
+def test_a_prediction_that_is_mostly_unknown_says_so_first(share: float, said: bool, tmp_path: Path) -> None:
+    """As where no load test reached a joint, and the stiffness is what the robot file says."""
+    cell_and_files(tmp_path, "kr210-r2700-extra")
+    model = json.loads((tmp_path / "stiffness.json").read_text())
+    model["covariance"] = np.diag((share * STIFFNESS) ** 2).tolist()
+    (tmp_path / "stiffness.json").write_text(json.dumps(model))
+    done = compstiff("predict", "cell.yaml", "path.csv", *MODEL, "-o", "out.csv", "--report", "out.html", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert ("NOT KNOWN WELL" in (tmp_path / "out.html").read_text()) == said
+
+
 def test_a_plan_is_made_for_another_makers_robot(tmp_path: Path) -> None:
     name = "kr210-r2700-extra"
     cell_and_files(tmp_path, name)
