@@ -30,8 +30,8 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
     use_it = "correct a program" if runs_rapid(robot) else "predict a path"
     if verdict == "ambiguous":
         now = [] if diagnosis.judgement.carried is None or diagnosis.judgement.unsettled else [
-            Step("Or use it now: the file has the likeliest of them, and what the others would change is in its sigmas:",
-                 written), Step(f"Then {use_it} with it:", corrected)]
+            Step(f"Or {use_it.split()[0]} now: the file has the likeliest of them, and what the others would change is in its "
+                 "sigmas:", written), Step(f"Then {use_it} with it:", corrected)]
         # The loads are what the command plans.
         planned = call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", *weights, "-o", "more.csv")
         return [Step("Plan loads that tell them apart; measure them, add the rows, diagnose again:", planned), *checks, *now]

@@ -202,7 +202,9 @@ def test_two_passes_tell_the_cutting_stiffness_of_the_wall(
     assert found.std < 0.35 * truth
     # offsets.csv has what of left_um the cut leaves; the pass of the first correction knew nothing of it.
     rows = np.genfromtxt(applied, delimiter=",", names=True, dtype=None, encoding="utf-8")
-    assert np.all(rows["cut_um"] <= rows["left_um"] + 1e-4)
+    known = ~np.isnan(rows["left_um"])          # empty where a target has no force of its own left
+    assert known.sum() > 100
+    assert np.all(rows["cut_um"][known] <= rows["left_um"][known] + 1e-4)
     assert np.allclose(rows["cut_um"][corrected.job.predicted.forces.forced[corrected.job.kept]], 1e6 * corrected.job.left.cut[
         np.isin(corrected.job.predicted.targets, corrected.job.kept)], atol=1e-4)
     assert found.as_dict()["n_per_mm"] == pytest.approx(1e-3 * found.value)
