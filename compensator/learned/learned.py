@@ -106,13 +106,16 @@ class Learned:
 
     def carried(self, repeats: Repeats) -> Learned:
         """What a program takes: without set-up and drift for another set-up, without drift for the same set-up, all of it for
-        the same job again."""
+        the same job again. Another job drifts too, nobody knows when: it is as wide as what was found."""
         off = {"nothing": slice(0, SETUP + DRIFT), "setup": slice(SETUP, SETUP + DRIFT), "job": slice(0, 0)}[repeats]
         mean, covariance = self.mean.copy(), self.covariance.copy()
         left_out = self.springs + np.arange(SETUP + DRIFT)[off]
         mean[left_out] = covariance[left_out] = covariance[:, left_out] = 0.0
-        unshown = self.unshown.copy()
+        unshown, drift = self.unshown.copy(), self.springs + np.arange(SETUP, SETUP + DRIFT)
         unshown[off] = unshown[:, off] = 0.0
+        if repeats != "job":
+            unshown[SETUP:, SETUP:] = self.unshown[SETUP:, SETUP:] + self.covariance[np.ix_(drift, drift)] + np.outer(
+                self.mean[drift], self.mean[drift])
         return replace(self, mean=mean, covariance=covariance, unshown=unshown)
 
     def exactly(self) -> Learned:

@@ -233,6 +233,26 @@ def test_a_height_that_no_point_shows_is_stated_and_holds_nothing_back() -> None
     assert not learned.exactly().covariance_beside(np.zeros((5, 3, 6)), rest)[0].any()
 
 
+def test_another_job_drifts_as_far_as_this_one_did_nobody_knows_when() -> None:
+    """Its width is what was found of the drift, by the time of the job; it is in the mean of the same job alone."""
+    position, theta, _ = path(3)
+    frame, drift = JobFrame(Frame(np.eye(3), np.zeros(3)), position.mean(axis=0), 0.05, 10.0), np.array([6e-6, 0, -17e-6])
+    mean, covariance = np.append(np.zeros(12), drift), np.zeros((15, 15))
+    covariance[14, 14] = 3e-6**2
+    learned = Learned(np.zeros(6), mean, covariance, frame)
+    at = frame.columns(position, np.array([0.0, 5.0, 20.0]))
+    rest = replace(resting(learned.remainder.basis(position, theta)), columns=at)
+    for repeats in ("setup", "nothing"):
+        taken = learned.carried(repeats)
+        for part in taken.covariance_beside(np.zeros((3, 3, 6)), rest):
+            for share, one in zip((0.0, 0.5, 1.0), part, strict=True):
+                np.testing.assert_allclose(one, share**2 * (np.outer(drift, drift) + np.diag([0, 0, 3e-6**2])), atol=1e-20)
+        assert not taken.mean.any()
+    added, unseen = learned.carried("job").covariance_beside(np.zeros((3, 3, 6)), rest)
+    assert added[2, 2, 2] == pytest.approx(3e-6**2)
+    assert not unseen.any()
+
+
 def test_a_rigid_displacement_is_set_up() -> None:
     """Columns are those of a small motion: points turned by a real rotation."""
     frame = JobFrame(Frame.identity(), np.array([1.0, 2.0, 3.0]), 0.05, 10.0)
