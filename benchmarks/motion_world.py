@@ -95,6 +95,10 @@ def shown(told: tuple[Array, Array, Array]) -> float:
     return float(np.sqrt(np.mean((seen - columns @ np.linalg.lstsq(columns, seen, rcond=None)[0]) ** 2)))
 
 
+def beyond(seen: float, before: float) -> float:
+    return float(np.sqrt(max(seen**2 - before**2, 0.0)))
+
+
 def peak_of(axis: Axis, one: Task, place: int) -> float:
     """The largest torque the load asks for [Nm]."""
     reference = one.references[place]
@@ -103,15 +107,16 @@ def peak_of(axis: Axis, one: Task, place: int) -> float:
 
 
 def sized(cause: Cause, axis: Axis, one: Task, place: int, seed: int, target: float, others: Array | None) -> float:
-    """The size at which the cause shows by `target` RMS [rad] in this record, within what is plausible."""
+    """The size at which the cause shows by `target` RMS [rad] in this record beyond what shows without it (the gear's damping),
+    within what is plausible."""
     size, peak = cause.size, peak_of(axis, one, place)
     short = slice(0, max(len(one.references[place]) // 2, int(8 / one.step)))                  # half a record tells it
-    motion = None
+    plain = run(axis, one.references[place][short], one.step, one.disturbances[place][short])
+    before = shown(channels(axis, plain, Reading(), one.every, None))
     for _ in range(4):
         changed, how = cause.make(axis, size, peak, np.random.default_rng(seed))
-        if cause.drive or motion is None:
-            motion = run(changed, one.references[place][short], one.step, one.disturbances[place][short])
-        seen = shown(channels(changed, motion, how, one.every, None if others is None else others[short]))
+        motion = run(changed, one.references[place][short], one.step, one.disturbances[place][short]) if cause.drive else plain
+        seen = beyond(shown(channels(changed, motion, how, one.every, None if others is None else others[short])), before)
         new = float(np.clip(size * np.clip(target / max(seen, 1e-12), 0.1, 10), 0, cause.most))
         if abs(np.log(new / size)) < 0.1:
             return new
@@ -174,8 +179,9 @@ def case(kinds: tuple[str, ...], rng: np.random.Generator, folder: Path) -> dict
             told = channels(here, motion, reads, work.every, others[number] if j == place else None)
             largest = peak_of(normal, work, j)
             if j == place:
-                seen.append(shown(told) / noise * np.sqrt(rows))
-                seen_ratio.append(shown(told) / noise)
+                as_it_is = run(normal, work.references[j], work.step, work.disturbances[j])
+                seen_ratio.append(beyond(shown(told), shown(channels(normal, as_it_is, Reading(), work.every, None))) / noise)
+                seen.append(seen_ratio[-1] * np.sqrt(rows))
                 peaks.append(largest)
             motor, link, torque = measured(rng, here, told, tools, largest)
             name = f"q{normal.number}"
@@ -187,7 +193,8 @@ def case(kinds: tuple[str, ...], rng: np.random.Generator, folder: Path) -> dict
     second = "validate" if how_many > 1 and rng.random() < 0.3 and kinds != ("zero_shift",) else "also"
     truth = {"kinds": list(kinds), "joint": axis.number, "everywhere": everywhere, "sizes": sizes, "sigmas": seen,
              "of_noise": seen_ratio, "noise_rad": noise, "second": second if how_many > 1 else None, "shift_rad": shift,
-             "robot": one.size, "stiffness": {a.number: a.gear.stiffness for a in plain},
+             "robot": one.size, "lines": [cycles for _, cycles, _ in hidden.gear.ripples],
+             "stiffness": {a.number: a.gear.stiffness for a in plain},
              "ratio": {a.number: a.ratio for a in plain}, "peak_nm": peaks,
              "damping_s": {a.number: a.gear.damping / a.gear.stiffness for a in plain},
              "inertia": axis.motor_inertia, "moves": [t.kinds for t in tasks], "instruments": asdict(tools), "seeds": seeds}
