@@ -98,7 +98,8 @@ def graded(folder: Path, truth: dict[str, Any], said: dict[str, Any], told: dict
         return "right (nothing)" if quiet else "not noticed"
     if said["verdict"] == "unknown":
         return "unknown on nothing" if quiet else ("right (unknown)" if strange else "unknown")
-    if quiet and not names and "gear_damping" in listed and listed <= DAMPED:
+    likely = {n for n, c in of_joint(told["alternatives"], joint).items() if c.get("probability", 1) >= 0.2}
+    if quiet and not names and "gear_damping" in likely and likely <= DAMPED:
         return "the damping that is there"
     meant = [next(iter(w)) for w in wanted if w] + [MEANT[kind] for kind in kinds if kind in MEANT]
     if names:

@@ -18,8 +18,8 @@ class GearDamping(InMotion):
     family = "gear"
     of_robot = True
     joints = (1, 2, 3, 4, 5, 6)
-    formula_source = ("engineering judgement: the Kelvin-Voigt model, a spring and a damper side by side, to first order in the "
-                      "damper")
+    formula_source = ("engineering judgement: the Kelvin-Voigt model, a spring and a damper side by side, to first order in "
+                      "the damper")
     parameters = (
         Parameter("lag_s", "s", 3e-4, 0.0, 4e-3,
                   source="engineering judgement: twice the damping ratio over the resonance, 1 % at 10 Hz",
