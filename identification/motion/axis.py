@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.model.effects.gear_damping import GearDamping
 from identification.model.joint_log import JointLog
 from identification.motion.autoregression import Autoregression, noise_beside
 from identification.motion.band import BAND, low_pass, thinned
@@ -56,8 +57,10 @@ class Axis:
 
     @cached_property
     def widest(self) -> Array:
-        """Columns (n, p) of the plain spring and the whole dictionary, one shape of each effect: the one in the middle."""
-        return np.column_stack([self.plain, *(group[len(group) // 2].columns for group in self.dictionary)])
+        """Columns (n, p) of the plain spring and the whole dictionary, one shape of each effect: the one in the middle. A gear
+        that is damped has the column of a torque that is late."""
+        return np.column_stack([self.plain, *(group[len(group) // 2].columns for group in self.dictionary
+                                              if group[0].name != GearDamping.name)])
 
     @cached_property
     def noise(self) -> Autoregression:
@@ -106,7 +109,8 @@ def axis_of(
     deflection, torque, angle = np.concatenate(parts).T
     time = np.concatenate([thinned(record.time, rate, band) for record, rate in zip(having, rates, strict=True)])
     return Axis(joint, logs, rates, band, deflection, torque, angle, time,
-                tuple(len(part) for part in parts), shapes(logs, rates, band, catalogue(only)), smooth)
+                tuple(len(part) for part in parts), shapes(logs, rates, band, catalogue(only, over_angle=smooth is None)),
+                smooth)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,35 +15,44 @@ from numpy.typing import NDArray
 
 from identification.model.effects import Effect, effects
 from identification.model.effects.channel_delay import ChannelDelay
-from identification.model.effects.transmission_error import TransmissionError
+from identification.model.effects.transmission_error import OnceATurn, TransmissionError
 from identification.model.joint_log import JointLog
 from identification.motion.band import low_pass
 
 Array = NDArray[np.float64]
 # A shape is offered where it is this far from a straight line through the torque (share of its own size), else c holds it.
 STRAIGHT = 0.02
-# The logged torque is the gear's but for noise and friction of this size [N m], so free play is crossed early or late.
-SMEARED = (0.0, 30.0, 100.0)
+# The logged torque is the gear's but for noise and friction of this size [N m], so free play is crossed early or late; on small
+# joints it is no larger than such a share of the largest torque.
+SMEARED, SMEARED_SHARE = (0.0, 30.0, 100.0), (0.0, 0.015, 0.06)
+# A soft zone ends at one torque, or over a range of it: so wide, as a share of that torque.
+ROUNDED = (0.0, 0.6)
 # Quantiles of the standard normal distribution, equally likely.
 NORMAL = tuple(NormalDist().inv_cdf((k + 0.5) / 15) for k in range(15))
 # What is in any motion beside the spring.
 ALWAYS = ("channel_delay (link)", "joint_friction", "motor_inertia")
-# Multiples of an effect's grid of torques, for gears whose torques are larger than the grid was made for.
-WIDER = (1.0, 4.0, 16.0)
+# Multiples of an effect's grid of torques, for gears whose torques are larger or smaller than the grid was made for, and from
+# which share of a log's largest torque on smaller ones are tried.
+WIDER, NARROWER, LEAST = (1.0, 4.0, 16.0), (1 / 64, 1 / 16, 1 / 4), 0.01
+# Friction inside a gear takes energy from the motion: the twist lags behind the torque, it never runs ahead.
+LAGS = ("hysteresis",)
+# Laws of which a log can tell one at most: two of a gear's compliance only mend each other's, and a torque that was recorded
+# early looks like a gear that is damped.
+EXCLUSIVE = ({"backlash", "soft_zone"}, {"gear_damping", "channel_delay (torque)"})
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
     """One effect with the values that are not linear fixed. columns: of the full-rate log (n, p), one a free parameter;
-    free: which those are; through_spring: whether the coefficient is the parameter times the compliance; positive (p,);
-    smear: standard deviation [N m] of the torque it is averaged over."""
+    free: which those are; through_spring: whether the coefficient is the parameter times the compliance; signs (p,): 1 or -1
+    where the coefficient's is known, else 0; smear: standard deviation [N m] of the torque it is averaged over."""
 
     effect: Effect
     fixed: Array
     free: tuple[int, ...]
     columns: Array
     through_spring: bool
-    positive: tuple[bool, ...]
+    signs: tuple[int, ...]
     smear: float = 0.0
 
     @property
@@ -57,12 +66,17 @@ class Shape:
         values[list(self.free)] = coefficients / compliance if self.through_spring else coefficients
         return values
 
+    def on(self, logs: list[JointLog], rates: list[float], band: float) -> Array:
+        """Its columns (n, p) on other logs, or at another band."""
+        return _columns(self.effect, self.fixed, self.free, self.smear, logs, rates, band)
 
-def catalogue(only: tuple[str, ...] = ()) -> list[Effect]:
-    """The effects that show in logs; the delay once for each channel. The transmission error is searched for by itself."""
+
+def catalogue(only: tuple[str, ...] = (), *, over_angle: bool = False) -> list[Effect]:
+    """The effects that show in logs; the delay once for each channel. The transmission error is searched for by itself;
+    over_angle: where none was found, one once a turn stands for it beside the others, so that none of them is named for it."""
     shown = [effect for effect in effects().values() if type(effect).log_contribution is not Effect.log_contribution
              and effect.name not in (ChannelDelay.name, TransmissionError.name)]
-    offered = [ChannelDelay("link"), ChannelDelay("torque"), *shown]
+    offered = [ChannelDelay("link"), ChannelDelay("torque"), *shown, *([OnceATurn()] if over_angle else [])]
     return [effect for effect in offered if not only or label(effect) in only]
 
 
@@ -73,26 +87,35 @@ def label(effect: Effect) -> str:
 
 def shapes(logs: list[JointLog], rates: list[float], band: float, offered: list[Effect]) -> list[list[Shape]]:
     """The shapes of each effect, most effects have one; columns are the records' below one another, low-passed."""
+    reach = max(float(np.abs(log.torque).max()) for log in logs)
     groups = []
     for effect in offered:
-        group = [shape for fixed in _grid(effect, logs) for smear in (SMEARED if effect.name == "backlash" else (0.0,))
+        group = [shape for fixed in _grid(effect, reach) for smear in _smears(effect, fixed, reach)
                  if (shape := _shape(effect, fixed, logs, rates, band, smear)) is not None]
         if group:
             groups.append(group)
     return groups
 
 
-def _grid(effect: Effect, logs: list[JointLog]) -> list[Array]:
-    """Values of what is not linear, NaN for what is."""
-    reach = max(float(np.abs(log.torque).max()) for log in logs)
+def _grid(effect: Effect, reach: float) -> list[Array]:
+    """Values of what is not linear, NaN for what is; reach: the largest torque [N m]."""
     axes: list[list[float]] = []
     for parameter in effect.parameters:
         if not parameter.grid:
             axes.append([np.nan])
             continue
-        wide = sorted({value * factor for value in parameter.grid for factor in WIDER})
+        small = {value * factor for value in parameter.grid for factor in NARROWER}
+        wide = sorted({value * factor for value in parameter.grid for factor in WIDER}
+                      | {value for value in small if value >= max(LEAST * reach, parameter.low)})
         axes.append([value for value in wide if value <= min(parameter.high, 0.5 * reach)] or [wide[0]])
     return [np.array(choice) for choice in itertools.product(*axes)]
+
+
+def _smears(effect: Effect, fixed: Array, reach: float) -> tuple[float, ...]:
+    """Standard deviations [N m] of the torque that an effect is tried with."""
+    if effect.name == "backlash":
+        return tuple(min(size, share * reach) for size, share in zip(SMEARED, SMEARED_SHARE, strict=True))
+    return tuple(share * float(np.nanmax(fixed)) for share in ROUNDED) if effect.name == "soft_zone" else (0.0,)
 
 
 def _shape(
@@ -100,9 +123,7 @@ def _shape(
 ) -> Shape | None:
     free = tuple(int(k) for k in np.flatnonzero(np.isnan(fixed)))
     start = np.nan_to_num(fixed)
-    turns = NORMAL if smear else (0.0,)
-    moved = [[replace(log, torque=log.torque + smear * turn) for log in logs] for turn in turns]
-    columns = np.column_stack([np.mean([_column(effect, start, k, each, rates, band) for each in moved], axis=0) for k in free])
+    columns = _columns(effect, start, free, smear, logs, rates, band)
     torque = np.concatenate([low_pass(log.torque[:, None], rate, band)[:, 0] for log, rate in zip(logs, rates, strict=True)])
     line = np.column_stack([np.ones_like(torque), torque])
     kept = []
@@ -119,7 +140,20 @@ def _shape(
     through = bool(np.allclose(twice, 2 * once, rtol=1e-6, atol=1e-12 * float(np.abs(once).max() + 1e-300))
                    and np.any(once != 0))
     return Shape(effect, start, tuple(free[j] for j in kept), columns[:, kept], through,
-                 tuple(effect.parameters[free[j]].positive for j in kept), smear)
+                 tuple(_sign(effect, free[j]) for j in kept), smear)
+
+
+def _sign(effect: Effect, which: int) -> int:
+    """1 or -1 where the sign of a parameter is known, else 0."""
+    parameter = effect.parameters[which]
+    return 1 if parameter.low >= 0 else -1 if parameter.high <= 0 or effect.name in LAGS else 0
+
+
+def _columns(effect: Effect, fixed: Array, free: tuple[int, ...], smear: float, logs: list[JointLog], rates: list[float],
+             band: float) -> Array:
+    """Contribution for one unit of each free parameter (n, p), averaged over torques that are off by `smear` [N m]."""
+    moved = [[replace(log, torque=log.torque + smear * turn) for log in logs] for turn in (NORMAL if smear else (0.0,))]
+    return np.column_stack([np.mean([_column(effect, fixed, k, each, rates, band) for each in moved], axis=0) for k in free])
 
 
 def _column(effect: Effect, fixed: Array, which: int, logs: list[JointLog], rates: list[float], band: float) -> Array:

@@ -34,6 +34,9 @@ ABOUT = 41
 SLOW = 3
 # With the fitted phase a prediction is better by this share of what the record's own phase gives: the phase holds.
 PHASE_HOLDS = 0.5
+# Lines are looked for that this share of the samples, the slowest, sees at two samples a cycle or more; faster ones see them
+# folded over, which the angle undoes.
+SLOWLY = 0.2
 # A joint that moves less than this [rad] shows no line.
 LEAST_SPAN = 0.02
 
@@ -166,8 +169,8 @@ def search(sessions: list[Session], rng: np.random.Generator) -> list[Line]:
         return []
     apart = min(one.resolution for one in moving)
     step = float(np.median(np.diff(moving[0].axis.logs[0].time)))
-    usual = max(float(np.median(np.abs(one.speed))) for one in moving)
-    highest = min(MOST_CYCLES, np.pi / step / max(usual, 1e-6))
+    slow = max(float(np.quantile(np.abs(one.speed), SLOWLY)) for one in moving)
+    highest = min(MOST_CYCLES, np.pi / step / max(slow, 1e-6))
     wanted = frequencies(2 * np.pi / apart, LEAST_CYCLES * apart, max(highest, 4 * LEAST_CYCLES * apart))
     lines: list[Line] = []
     shoulders: list[float] = []

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from identification.common.arrays import rms
 from identification.motion.axis import Axis, axis_of, solve, straight_line
 from identification.motion.blocks import ratio_interval
-from identification.motion.dictionary import ALWAYS, Shape
+from identification.motion.dictionary import ALWAYS
 from identification.motion.log_file import MotionLog
 from identification.motion.search import Hypothesis
 from identification.motion.transmission import Transmission
@@ -49,22 +49,12 @@ class Gain:
 
 
 def model_columns(axis: Axis, hypothesis: Hypothesis, without: int | None = None) -> Array:
-    """Columns (n, p) of a hypothesis on another axis object (another record or band): its shapes are found again there."""
+    """Columns (n, p) of a hypothesis on another axis object (another record or band)."""
     parts = [axis.plain]
     for k, (shape, kept) in enumerate(zip(hypothesis.shapes, hypothesis.kept, strict=True)):
         if k != without:
-            parts.append(_again(axis, shape)[:, [shape.free[column] for column in kept]])
+            parts.append(shape.on(axis.logs, axis.rates, axis.band)[:, list(kept)])
     return np.column_stack(parts)
-
-
-def _again(axis: Axis, shape: Shape) -> Array:
-    """The shape's columns (n, P) on this axis, by parameter; those it does not show are zero."""
-    columns = np.zeros((len(axis.torque), len(shape.fixed)))
-    for group in axis.dictionary:
-        for other in group:
-            if other.name == shape.name and other.smear == shape.smear and np.array_equal(other.fixed, shape.fixed):
-                columns[:, list(other.free)] = other.columns
-    return columns
 
 
 def residual_on(fitted: Array, lengths: int, axis: Axis, columns: Array) -> Array:

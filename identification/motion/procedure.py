@@ -11,14 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import error
-from identification.motion.axis import Axis, axis_of, solve, straight_line
+from identification.model.effects.gear_damping import GearDamping
+from identification.model.effects.transmission_error import TransmissionError
+from identification.motion.axis import Axis, Solved, axis_of, solve, straight_line
 from identification.motion.axis_diagnosis import AxisDiagnosis
 from identification.motion.band import BAND
 from identification.motion.causes import LogCause, cause_of, transmission_cause
+from identification.motion.inner_friction import without_torque_noise
 from identification.motion.log_file import MotionLog
 from identification.motion.prediction import held_out, model_columns
 from identification.motion.remainder import Remainder, remainder
-from identification.motion.search import Hypothesis, survey
+from identification.motion.search import Hypothesis, fitted, survey
 from identification.motion.stiffness import axis_stiffness
 from identification.motion.transmission import Transmission, find_transmission
 from identification.motion.zeros import zero_shifts
@@ -29,7 +32,9 @@ ALARM, REPLICATES = 0.05, 99
 CERTAIN = 0.95
 # A misfit explained to this share has its cause, though something is left.
 NEARLY_ALL = 0.95
-WORTH_NAMING = 0.02
+WORTH_NAMING, WORTH_KEEPING = 0.02, 0.5
+# Effects that are looked for one at a time, for they are others' columns.
+NOT_TOGETHER = (TransmissionError.name, GearDamping.name)
 # Residual variance, plain over extended, from which a misfit is gross.
 GROSS = 4.0
 
@@ -60,9 +65,9 @@ def diagnose_axes(
 def _axis(
     joint: int, records: list[MotionLog], validate: MotionLog | None, alarm: float, replicates: int, rng: np.random.Generator
 ) -> AxisDiagnosis:
-    whole, found = axis_of(joint, records, BAND), find_transmission(joint, records, validate)
+    whole, found = axis_of(joint, records, BAND), _needed(find_transmission(joint, records, validate), records)
     cleaned, smooth = found.cleaned(records), found.smooth_over(records)
-    axis = axis_of(joint, cleaned, BAND, smooth) if found.named else whole
+    axis = without_torque_noise(axis_of(joint, cleaned, BAND, smooth) if found.named else whole)
     raw = axis_of(joint, cleaned, np.inf, smooth)
     line = np.concatenate([record.joints[joint].deflection for record in records if joint in record.joints])
     measured = _Measured(line, line - raw.spring @ straight_line(whole))
@@ -84,6 +89,7 @@ def _axis(
         return answer
     causes, alternatives = _causes(axis, hypotheses, named) if misfit else ((), ())
     if found.named:
+        alternatives = tuple(cause for cause in alternatives if cause.shape.name != TransmissionError.name)
         causes = (*causes, transmission_cause(axis, named, found, records))
     before, after = whole.deflection - whole.plain @ solve(whole, whole.plain).coefficients, _left(axis, named)
     explained = 1 - float(np.var(after) / np.var(before))
@@ -98,6 +104,17 @@ def _axis(
                    explained=explained)
 
 
+def _needed(found: Transmission, records: list[MotionLog]) -> Transmission:
+    """The transmission error without a smooth part that other causes of the dictionary do as well."""
+    if found.smooth is None:
+        return found
+    axis = axis_of(found.joint, found.cleaned(records), BAND)
+    names = [group[0].name for group in axis.dictionary]
+    if TransmissionError.name in names and _at_work(survey(axis), names.index(TransmissionError.name)) < WORTH_KEEPING:
+        return replace(found, smooth_test=None)
+    return found
+
+
 def _of_entries(hypotheses: Hypotheses, entries: set[int]) -> Hypothesis | None:
     return next((hypothesis for hypothesis in hypotheses if set(hypothesis.entries) == entries), None)
 
@@ -106,9 +123,12 @@ def _predictive(
     axis: Axis, hypotheses: Hypotheses, plain: Hypothesis, found: Transmission, records: list[MotionLog],
     validate: MotionLog | None,
 ) -> tuple[Hypothesis, tuple[str, ...]]:
-    """The hypothesis of all certain causes that also predict what was not fitted, and the names of the others."""
-    certain = {entry for entry in range(len(axis.dictionary)) if _at_work(hypotheses, entry) >= CERTAIN}
-    named = _of_entries(hypotheses, certain) or plain
+    """The hypothesis of all certain causes that also predict what was not fitted, and the names of the others. A transmission
+    error is certain only where it was found again: here it keeps names from others."""
+    certain = {entry for entry in range(len(axis.dictionary)) if _at_work(hypotheses, entry) >= CERTAIN
+               and axis.dictionary[entry][0].name != TransmissionError.name}
+    named = next((hypothesis for hypothesis in hypotheses if certain and set(hypothesis.entries) == certain),
+                 next(hypothesis for hypothesis in hypotheses if set(hypothesis.entries) <= certain))
     if not named.entries:
         return named, ()
     helps = held_out(axis.joint, axis.band, named, found, records, validate)[1]
@@ -141,15 +161,24 @@ def detection(axis: Axis, replicates: int, rng: np.random.Generator) -> float:
 
 
 def _largest(axis: Axis) -> float:
-    """The largest score of one effect, or of all together."""
+    """The largest score of one effect, or of all together, whose known signs are theirs: acceleration and angle can say what
+    the torque is without its noise, but then the motor's inertia is negative. The angle is judged alone."""
     plain = solve(axis, axis.plain)
-    tried = [np.column_stack([axis.plain, shape.columns]) for group in axis.dictionary for shape in group]
-    scores: list[float] = []
-    for columns in (*tried, axis.widest):
-        solved = solve(axis, columns)
-        free = float(columns.shape[1] - axis.plain.shape[1])
-        scores.append(float(0.5 * solved.count * np.log(plain.chi2 / solved.chi2)) / free**0.5)
-    return max(scores)
+    beside = axis.plain.shape[1]
+    tried = [shape for group in axis.dictionary for shape in group]
+    scores = [0.0]
+    for shape in tried:
+        solved = solve(axis, np.column_stack([axis.plain, shape.columns]))
+        if np.all(solved.coefficients[beside:] * shape.signs >= 0):
+            scores.append(_score(plain, solved))
+    together = tuple(k for k, group in enumerate(axis.dictionary) if group[0].name not in NOT_TOGETHER)
+    widest = fitted(axis, together, tuple(axis.dictionary[k][len(axis.dictionary[k]) // 2] for k in together), plain)
+    return max(*scores, 0.0 if widest is None else _score(plain, widest.solved))
+
+
+def _score(plain: Solved, solved: Solved) -> float:
+    free = float(solved.coefficients.size - plain.coefficients.size)
+    return float(0.5 * solved.count * np.log(plain.chi2 / solved.chi2)) / max(free, 1.0)**0.5
 
 
 def _at_work(hypotheses: Hypotheses, entry: int) -> float:

@@ -3,7 +3,8 @@
 The evidence of a set is the Bayesian information criterion of generalised least squares; the noise's autoregression is that
 beside the whole dictionary, the same for all sets, so no set gains by calling a misfit noise. A set in which a coefficient with
 a known sign has the other, or the compliance is negative, is judged without that coefficient. Free play and a soft zone are
-never in one set: a real gear's compliance is neither exactly, and the two together would be a law, not two causes.
+never in one set: a real gear's compliance is neither exactly, and the two together would be a law, not two causes. Nor are a
+gear that is damped and a torque that was recorded early: they are one column.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.motion.axis import Axis, Solved, solve
-from identification.motion.dictionary import Shape
+from identification.motion.dictionary import EXCLUSIVE, Shape
 
 Array = NDArray[np.float64]
 MOST_CAUSES = 4
@@ -56,9 +57,9 @@ def survey(axis: Axis, most: int = MOST_CAUSES) -> tuple[Hypothesis, ...]:
     hypotheses = [Hypothesis((), (), (), plain, 0.0)]
     for size in range(1, min(most, len(groups)) + 1):
         for entries in itertools.combinations(range(len(groups)), size):
-            if any(_same_compliance_law(groups[a][0], groups[b][0]) for a, b in itertools.combinations(entries, 2)):
+            if any({groups[a][0].name, groups[b][0].name} in EXCLUSIVE for a, b in itertools.combinations(entries, 2)):
                 continue
-            options = [_fitted(axis, entries, chosen, plain)
+            options = [fitted(axis, entries, chosen, plain)
                        for chosen in itertools.product(*(shortlists[entry] for entry in entries))]
             possible = [option for option in options if option is not None]
             if possible:
@@ -68,11 +69,6 @@ def survey(axis: Axis, most: int = MOST_CAUSES) -> tuple[Hypothesis, ...]:
     weight = np.exp(logs - logs.max())
     weight /= weight.sum()
     return tuple(replace(hypotheses[k], probability=float(weight[k])) for k in np.argsort(-logs))
-
-
-def _same_compliance_law(first: Shape, second: Shape) -> bool:
-    """Whether two effects describe the same law of a gear's compliance, so that both together only mend each other's."""
-    return {first.effect.name, second.effect.name} == {"backlash", "soft_zone"}
 
 
 def _shortlists(axis: Axis, groups: list[list[Shape]]) -> list[list[Shape]]:
@@ -92,7 +88,7 @@ def _shortlists(axis: Axis, groups: list[list[Shape]]) -> list[list[Shape]]:
     return lists
 
 
-def _fitted(axis: Axis, entries: tuple[int, ...], chosen: tuple[Shape, ...], plain: Solved) -> Hypothesis | None:
+def fitted(axis: Axis, entries: tuple[int, ...], chosen: tuple[Shape, ...], plain: Solved) -> Hypothesis | None:
     """The set with columns of the wrong sign left out; None where an effect has nothing left, or doubles another's column."""
     kept = [list(range(shape.columns.shape[1])) for shape in chosen]
     base = axis.plain.shape[1]
@@ -119,10 +115,10 @@ def _wrong_sign(
 ) -> tuple[int, int] | None:
     """The coefficient that is furthest on the wrong side of zero: (shape, place among those it keeps); None: all are right."""
     sigma = solved.coefficients[base:] / np.sqrt(np.maximum(np.diag(solved.covariance)[base:], 1e-300))
-    places = [(k, position, shape.positive[column]) for k, shape in enumerate(chosen)
+    places = [(k, position, shape.signs[column]) for k, shape in enumerate(chosen)
               for position, column in enumerate(kept[k])]
-    wrong = [(float(value), k, position) for value, (k, position, positive) in zip(sigma, places, strict=True)
-             if positive and value < 0]
+    wrong = [(float(sign * value), k, position) for value, (k, position, sign) in zip(sigma, places, strict=True)
+             if sign * value < 0]
     return min(wrong)[1:] if wrong else None
 
 

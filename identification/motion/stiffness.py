@@ -165,7 +165,7 @@ def _laws(axis: Axis, base: Array) -> list[list[Array]]:
         tried = [(solve(axis, np.column_stack([base, shape.columns])), shape) for shape in group]
         best, shape = min(tried, key=lambda fit: fit[0].chi2)
         supported = best.count * np.log(alone.chi2 / best.chi2) > np.log(best.count)
-        if supported and (not shape.positive[0] or best.coefficients[-1] > 0):
+        if supported and shape.signs[0] * best.coefficients[-1] >= 0:
             laws.append([shape.columns])
     return laws
 

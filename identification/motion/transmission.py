@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.motion.axis import Axis, axis_of, solve
+from identification.motion.axis import Axis, axis_of, solve, straight_line
 from identification.motion.band import BAND
 from identification.motion.blocks import ratio_interval
-from identification.motion.dictionary import ALWAYS
+from identification.motion.dictionary import ALWAYS, Shape
 from identification.motion.lines import Complex, Line, fitted, found_again, lines_at, search, session, shared
 from identification.motion.log_file import MotionLog
 from identification.motion.smooth import Smooth, log_evidence, smooth_over
@@ -34,18 +34,20 @@ LEAST_GAIN = 1.25
 @dataclass(frozen=True, eq=False)
 class SmoothTest:
     """The smooth part on what was not fitted. log_odds: ln of the evidence where it was fitted; before, after: RMS [rad] there
-    without and with it, under the band, each record with its own zero; interval_95 of their ratio."""
+    without and with it, under the band, each record with its own zero; interval_95 of their ratio; line: RMS that a straight
+    line through the torque leaves there."""
 
     smooth: Smooth
     log_odds: float
     before: float
     after: float
     interval: tuple[float, float]
+    line: float
 
     @property
     def confirmed(self) -> bool:
-        """Whether it predicts."""
-        return self.interval[0] > 1.0 and self.before > LEAST_GAIN * self.after
+        """Whether it predicts, and not only mends what the causes of any motion do to a record that does not tell them."""
+        return self.interval[0] > 1.0 and min(self.before, self.line) > LEAST_GAIN * self.after
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +188,8 @@ def _smooth_test(joint: int, searched: list[MotionLog], others: list[MotionLog])
     axis = axis_of(joint, searched, BAND, smooth)
     if smooth.mix.shape[1] == 0 or len(axis.torque) < 2 * axis.widest.shape[1]:
         return None
-    base = axis.whiten(_beside(replace(axis, smooth=None)))
+    always = [group[0] for group in axis.dictionary if group[0].name in ALWAYS]
+    base = axis.whiten(_beside(replace(axis, smooth=None), always))
     evidence = log_evidence(axis.whiten(smooth.columns(axis.angle)), base / np.linalg.norm(base, axis=0),
                             axis.white_deflection, axis.white_variance, SIZES)
     odds = float(np.logaddexp.reduce(evidence) - np.log(len(SIZES)))
@@ -196,16 +199,19 @@ def _smooth_test(joint: int, searched: list[MotionLog], others: list[MotionLog])
     left: list[list[Array]] = [[], []]
     tested = [axis_of(joint, [record], BAND) for record in others]
     for parts, model in zip(left, (None, smooth), strict=True):
-        fit = solve(replace(axis, smooth=model), _beside(replace(axis, smooth=model))).coefficients[len(axis.lengths):]
+        fit = solve(replace(axis, smooth=model), _beside(replace(axis, smooth=model), always)).coefficients[len(axis.lengths):]
         for test in tested:
-            columns = _beside(replace(test, smooth=model))[:, len(test.lengths):]
+            columns = _beside(replace(test, smooth=model), always)[:, len(test.lengths):]
             rest = test.deflection - columns @ fit
             parts.append(rest - rest.mean())
+    straight = [test.deflection - straight_line(axis)[-1] * test.torque for test in tested]
+    line = np.concatenate([rest - rest.mean() for rest in straight])
     before, after = (np.concatenate(parts) for parts in left)
     seconds = sum(float(record.time[-1] - record.time[0]) for record in others)
-    return SmoothTest(smooth, odds, float(np.std(before)), float(np.std(after)), ratio_interval(before, after, seconds))
+    return SmoothTest(smooth, odds, float(np.std(before)), float(np.std(after)),
+                      ratio_interval(before, after, seconds), float(np.std(line)))
 
 
-def _beside(axis: Axis) -> Array:
-    """Columns of the plain spring with its smooth error, and of what is in any motion."""
-    return np.column_stack([axis.plain, *(group[0].columns[:, :1] for group in axis.dictionary if group[0].name in ALWAYS)])
+def _beside(axis: Axis, always: list[Shape]) -> Array:
+    """Columns of the plain spring with its smooth error, and of what is in any motion, as the fitted records show it."""
+    return np.column_stack([axis.plain, *(shape.on(axis.logs, axis.rates, axis.band)[:, :1] for shape in always)])

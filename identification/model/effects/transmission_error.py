@@ -60,6 +60,27 @@ def _waves(angle: Array, cycles: float) -> Array:
     return np.stack([np.sin(cycles * angle), np.cos(cycles * angle)], axis=1)
 
 
+class OnceATurn(InMotion):
+    """`c cos(angle) + s sin(angle)`: the slowest wave, beside the other causes where the search of TransmissionError found none
+    that is found again; it keeps a name from what only follows the angle. A ratio that is a little off is the same over the
+    angles that a log visits."""
+
+    name = "transmission_error"
+    law = "turn"
+    family = "gear"
+    of_robot = False
+    joints = (1, 2, 3, 4, 5, 6)
+    formula_source = "engineering judgement: a wheel or a ring that sits off its axis"
+    parameters = tuple(Parameter(name, "rad", 1e-4, -2e-2, 2e-2, source=COARSE_WAVE,
+                                 bounds_source="engineering judgement: a ratio in doubt by a per cent or two")
+                       for name in ("cos_rad", "sin_rad"))
+    sentence = SENTENCE
+    settles = "move the joint slowly over the same angles in both directions, at two speeds"
+
+    def log_contribution(self, log: JointLog, values: Array) -> Array:
+        return np.asarray(values[0] * np.cos(log.angle) + values[1] * np.sin(log.angle))
+
+
 class TransmissionError(InMotion):
     """`s sqrt(2) cos(angle) + a cos(n angle + phi)`: a smooth part once a turn of the joint, s its RMS over a turn, and a line
     that repeats n times a turn. A log may show several lines and a smooth part of any low order; they are searched for, not

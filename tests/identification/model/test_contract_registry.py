@@ -23,7 +23,7 @@ CONTRACT = [
     "base_shift",
     "force_sensor_compliance", "spindle_compliance", "parallelogram", "gravity_compensator", "uneven_gear", "wrist_coupling",
     "force_gain", "force_misalignment", "side_load", "tool_point", "deflection_sensor_gain", "deflection_sensor_rotation",
-    "target_curvature", "drift", "creep", "channel_delay", "joint_friction", "motor_inertia", "sensor_step",
+    "target_curvature", "drift", "creep", "channel_delay", "joint_friction", "motor_inertia", "gear_damping", "sensor_step",
     "hook_offset", "swinging_weight", "transmission_error", "soft_track", "stand_compliance",
     "gear_creep", "lost_motion", "soft_gears", "load_leak", "reading_point", "gauge_friction", "load_friction", "hook_weight",
     "force_curve", "tool_play", "gear_softening",

@@ -1,0 +1,89 @@
+"""What is in every record and no fault of the gear, and what only looks like another cause: nothing else is named for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from identification.motion.axis import axis_of
+from identification.motion.inner_friction import without_torque_noise
+from identification.motion.log_file import MotionLog, read_motion_log
+from identification.motion.procedure import detection
+from identification.motion.search import survey
+from identification.motion.transmission import find_transmission
+from tests.identification.motion.simulated_joint import RATE, columns, smooth_noise, write
+
+
+def log_of(path: Path, values: dict[str, np.ndarray]) -> MotionLog:
+    return read_motion_log(write(path, values))
+
+
+def resting(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Time and the path of a joint that goes to and fro and rests in between, 16 s [s, rad]."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(16 * int(RATE)) / RATE
+    knots = np.arange(0.0, 17.0, 1.0)
+    path = np.interp(time, knots, np.repeat(rng.uniform(-0.4, 0.4, 9), 2)[:17])
+    soft = np.hanning(101) / np.hanning(101).sum()
+    return time, np.convolve(np.pad(path, 50, "edge"), soft, "valid")
+
+
+def test_a_gear_follows_no_noise_of_the_torque_channel(tmp_path: Path) -> None:
+    """Nor has it friction inside for that: a noise of 40 N m that lasts 20 ms, of a gear of 5e6 N m/rad."""
+    rng = np.random.default_rng(5)
+    time, link = resting(5)
+    carried = 900 * np.gradient(np.gradient(link, time), time) + 2500 * np.cos(link)
+    motor = link + carried / 5e6
+    logged = link + 5e-7 * rng.standard_normal(len(time))
+    torque = carried + smooth_noise(rng, len(time), 40.0, 0.02)
+    log = log_of(tmp_path / "log.csv", {"time_s": time, "q2_motor_deg": np.degrees(motor), "q2_link_deg": np.degrees(logged),
+                                        "q2_torque_nm": torque})
+    axis = axis_of(2, [log])
+    assert "hysteresis" in survey(axis)[0].names                 # what the torque alone would have it
+    axis = without_torque_noise(axis)
+    assert "hysteresis" not in [group[0].name for group in axis.dictionary]
+    assert detection(axis, 19, rng) > 0.05
+
+
+def test_a_damped_gear_is_not_called_a_clock_that_is_wrong(tmp_path: Path) -> None:
+    """A twist that is 2 ms late behind the torque: the records cannot tell a damper from a torque recorded early."""
+    values = columns(7, {}, seconds=12)
+    values["q2_torque_nm"] = np.interp(values["time_s"] + 2e-3, values["time_s"], values["q2_torque_nm"])
+    first, second, *_ = survey(axis_of(2, [log_of(tmp_path / "log.csv", values)]))
+    assert {first.names, second.names} == {("gear_damping",), ("channel_delay (torque)",)}
+    np.testing.assert_allclose(first.probability, second.probability, rtol=0.2)
+
+
+def test_lines_are_found_that_most_samples_see_folded(tmp_path: Path) -> None:
+    """1400 cycles a turn at 50 samples a second, by which a joint at 0.2 rad/s shows it less than twice a cycle."""
+    logs = []
+    for seed in (1, 2):
+        values = columns(seed, {})
+        values["q2_link_deg"] = values["q2_link_deg"] + np.degrees(5e-5 * np.sin(1400 * np.radians(values["q2_link_deg"])))
+        logs.append(log_of(tmp_path / f"{seed}.csv", {name: column[::5] for name, column in values.items()}))
+    found = find_transmission(2, logs[:1], logs[1])
+    np.testing.assert_allclose(found.cycles, [1400], atol=1.0)
+
+
+def test_a_law_is_the_same_on_a_record_with_smaller_torques(tmp_path: Path) -> None:
+    """The slip torque that one record tells is beyond the grid of the other; its state there is the elastic one."""
+    log = log_of(tmp_path / "log.csv", columns(3, {}, seconds=6))
+    smaller = replace(log, joints={2: replace(log.joints[2], torque=0.1 * log.joints[2].torque)})
+    axis, other = axis_of(2, [log]), axis_of(2, [smaller], np.inf)
+    shape = next(group[-1] for group in axis.dictionary if group[0].name == "hysteresis")
+    told = shape.on(other.logs, other.rates, other.band)[:, 0]
+    np.testing.assert_allclose(np.diff(told), np.diff(other.torque) / shape.fixed[1], atol=1e-9)
+
+
+def test_a_record_whose_torque_only_accelerates_tests_the_smooth_part_of_another(tmp_path: Path) -> None:
+    """In it the motor's inertia is the torque's own column, and so no effect."""
+    first, second = columns(1, {}), columns(2, {})
+    motor = np.radians(second["q2_motor_deg"])
+    second["q2_torque_nm"] = 900 * np.gradient(np.gradient(motor, second["time_s"]), second["time_s"])
+    second["q2_link_deg"] = np.degrees(motor - second["q2_torque_nm"] / 5e6)
+    for values in (first, second):
+        values["q2_link_deg"] = values["q2_link_deg"] + np.degrees(3e-4 * np.sin(np.radians(values["q2_motor_deg"])))
+    found = find_transmission(2, [log_of(tmp_path / "1.csv", first)], log_of(tmp_path / "2.csv", second))
+    assert found.smooth_test is not None
