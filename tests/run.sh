@@ -74,10 +74,16 @@ if [ -z "${COMPSTIFF_BROWSER:-}" ] && browser=$("$environment/bin/python" tests/
 fi
 echo "== the browser for the tests of reports: ${COMPSTIFF_BROWSER:-none}"
 
-# Three processes for two cores: some wait, for a reply or a lock.
+# Every test process imports all tests, and would compile them anew if none had before: a fourth of a minute each.
+"$environment/bin/python" -m pytest --collect-only -q >/dev/null 2>&1 &
+compiled=$!
+
 failed=0
 echo "== types"
 "$environment/bin/mypy" || failed=$?
+wait "$compiled" || true            # what cannot be imported is told by the tests
+
+# Three processes for two cores: some wait, for a reply or a lock.
 echo "== tests"
 "$environment/bin/python" -m pytest -n 3 --dist loadfile --no-loadscope-reorder || failed=$?
 wait "$beside" || { failed=$?; cat "$work/beside.txt"; }
