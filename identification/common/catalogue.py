@@ -16,7 +16,8 @@ CATALOGUE = Path(__file__).parent / "catalogue.yaml"
 @cache
 def catalogue() -> dict[str, dict[str, str]]:
     """All pages by code: title, cause, effect, remedy."""
-    pages: dict[str, dict[str, str]] = yaml.safe_load(CATALOGUE.read_text(encoding="utf-8"))
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)      # a tenth of the time, where PyYAML was built with libyaml
+    pages: dict[str, dict[str, str]] = yaml.load(CATALOGUE.read_text(encoding="utf-8"), loader)
     return {code: {key: " ".join(text.split()) for key, text in page.items()} for code, page in pages.items()}
 
 

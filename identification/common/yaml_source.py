@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+from functools import lru_cache
 from itertools import accumulate
 from pathlib import Path
 from textwrap import shorten
@@ -96,23 +97,35 @@ _Loader.add_implicit_resolver(
 
 def read_yaml(file: str | Path, model: type[Model]) -> Model:
     """The file as `model`. Raises CompstiffError (CS0101 not YAML, CS0102 wrong content) with every place at fault."""
-    content, places = _mapping(file)
-    try:
-        return model.model_validate(content)
-    except ValidationError as reason:
-        raise CompstiffError(*(_complaint(item, model, places, str(file)) for item in reason.errors())) from reason
+    read: Model = _validated(_bytes(file), str(file), model)
+    return read
 
 
 def read_mapping(file: str | Path) -> dict[str, Any]:
     """The keys and values of a file, whatever they are. Raises CompstiffError (CS0101 not YAML, CS0102 no mapping)."""
-    return _mapping(file)[0]
+    return _mapping(_bytes(file), str(file))[0]
 
 
-def _mapping(file: str | Path) -> tuple[dict[str, Any], dict[Key, Place]]:
-    """The content of a file, and where each of its keys stands."""
-    name = str(file)
+@lru_cache(maxsize=64)
+def _validated(content_bytes: bytes, name: str, model: type[BaseModel]) -> Any:
+    """The content as `model`, which cannot change. Robots and cells are asked for again and again, and take long to parse."""
+    content, places = _mapping(content_bytes, name)
     try:
-        content_bytes = Path(file).read_bytes()
+        return model.model_validate(content)
+    except ValidationError as reason:
+        raise CompstiffError(*(_complaint(item, model, places, name) for item in reason.errors())) from reason
+
+
+def _bytes(file: str | Path) -> bytes:
+    try:
+        return Path(file).read_bytes()
+    except OSError as reason:
+        raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(file)) from reason
+
+
+def _mapping(content_bytes: bytes, name: str) -> tuple[dict[str, Any], dict[Key, Place]]:
+    """The content of a file, and where each of its keys stands."""
+    try:
         if len(content_bytes) > LARGEST_FILE:
             raise error("CS0101", f"has {len(content_bytes)} bytes, expected at most {LARGEST_FILE}", file=name, hint=MEANT)
         text = content_bytes.decode("utf-8-sig")
@@ -121,12 +134,10 @@ def _mapping(file: str | Path) -> tuple[dict[str, Any], dict[Key, Place]]:
                         hint=MEANT)
         node = yaml.compose(text, Loader=_Loader)
         places: dict[Key, Place] = {}
-        content = None if node is None else _plain(node, (), places, name)
+        content = None if node is None else _plain(node, (), places, name, _Loader(""))
     except UnicodeDecodeError as reason:
         raise error("CS0101", f"is not UTF-8 text: {reason.reason} at byte {reason.start}", file=name,
                     hint=f"{MEANT}; an editor saves it as UTF-8") from reason
-    except OSError as reason:
-        raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
     except yaml.MarkedYAMLError as reason:
         mark = reason.problem_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (None, None)
@@ -147,8 +158,8 @@ def _depth(text: str) -> int:
     return max(accumulate((letter in "[{") - (letter in "]}") for letter in text if letter in "[]{}"), default=0)
 
 
-def _plain(node: yaml.Node, key: Key, places: dict[Key, Place], name: str) -> Any:
-    """The node's value as Python data; `places` receives where each key stands."""
+def _plain(node: yaml.Node, key: Key, places: dict[Key, Place], name: str, scalars: _Loader) -> Any:
+    """The node's value as Python data; `places` receives where each key stands, `scalars` reads single values."""
     if len(places) > MOST_VALUES:
         raise error("CS0101", f"has over {MOST_VALUES} values, those that aliases (*name) repeat included", file=name,
                     hint=MEANT)
@@ -161,18 +172,15 @@ def _plain(node: yaml.Node, key: Key, places: dict[Key, Place], name: str) -> An
             if label in mapping:
                 raise error("CS0102", f"key '{label}' stands here a second time", file=name, line=line, column=column)
             places[(*key, label)] = (line, column)
-            mapping[label] = _plain(value_node, (*key, label), places, name)
+            mapping[label] = _plain(value_node, (*key, label), places, name, scalars)
         return mapping
     if isinstance(node, yaml.SequenceNode):
-        return [_plain(item, (*key, index), places, name) for index, item in enumerate(node.value)]
-    loader = _Loader("")
+        return [_plain(item, (*key, index), places, name, scalars) for index, item in enumerate(node.value)]
     try:
-        return loader.construct_object(node, deep=True)
+        return scalars.construct_object(node, deep=True)
     except ValueError as reason:
         line, column = places[key]
         raise error("CS0102", f"a value that cannot be read: {reason}", file=name, line=line, column=column) from reason
-    finally:
-        loader.dispose()
 
 
 def _complaint(item: Any, model: type[BaseModel], places: dict[Key, Place], name: str) -> Finding:

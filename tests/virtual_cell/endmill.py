@@ -69,7 +69,7 @@ class EndMill:
         """Share (PIECES,) of each piece that is in the stock; inside_mm (PIECES + 1,): how far `rim_mm` is within it."""
         first, last = inside_mm[:-1], inside_mm[1:]
         high, low = np.maximum(first, last), np.minimum(first, last)
-        return np.clip(high / np.maximum(high - low, 1e-12), 0.0, 1.0)
+        return np.minimum(np.maximum(high / np.maximum(high - low, 1e-12), 0.0), 1.0)
 
     def mean_force(self, coverage: np.ndarray, depth_mm: float) -> np.ndarray:
         """Mean over a revolution (3,) [N]: along the feed, to its left, up."""
@@ -80,15 +80,15 @@ class EndMill:
 
         The helix is integrated exactly: an edge of that depth covers an interval of angles.
         """
-        summed = np.concatenate([np.zeros((self.teeth, 3, 1)), np.cumsum(self._edge_force * coverage, axis=2)], axis=2)
-        summed *= np.pi / PIECES
+        summed = np.zeros((3, self.teeth, PIECES + 1))
+        np.cumsum(self._edge_force.swapaxes(0, 1) * (np.pi / PIECES * coverage), axis=2, out=summed[:, :, 1:])
         per_mm = np.tan(np.radians(self.helix_deg)) / self.radius_mm        # of depth; the upper edge trails
-        total = np.zeros((len(spindle), 3))
-        for tooth in range(self.teeth):
-            tip = -spindle - 2 * np.pi * tooth / self.teeth + np.pi / 2
-            for angle, sign in ((tip + per_mm * depth_mm, 1.0), (tip, -1.0)):
-                turns, rest = np.divmod(angle, 2 * np.pi)
-                for axis in range(3):
-                    curve = summed[tooth, axis]
-                    total[:, axis] += sign * (turns * curve[-1] + np.interp(rest, self.edges + np.pi / 2, curve))
-        return total / per_mm
+        tooth = np.arange(self.teeth)[:, None, None]
+        tip = -spindle - 2 * np.pi * tooth / self.teeth + np.pi / 2
+        turns, rest = np.divmod(tip + np.array([[per_mm * depth_mm], [0.0]]), 2 * np.pi)        # (teeth, 2 ends, n)
+        # Between the edges of pieces that are all alike; beyond the half circle nothing more is added.
+        place = np.minimum(rest * (PIECES / np.pi), PIECES)
+        piece = np.minimum(place.astype(int), PIECES - 1)
+        before, after = (summed.reshape(3, -1).take(piece + (PIECES + 1) * tooth + end, axis=1) for end in (0, 1))
+        passed = turns * summed[:, :, None, -1:] + before + (place - piece) * (after - before)
+        return np.asarray((passed[:, :, 0] - passed[:, :, 1]).sum(axis=1).T / per_mm)

@@ -56,7 +56,9 @@ class Part:
         x, y = xy.T
         radius = np.where(x * y > 0, LARGE + RADIUS - self.allowance_mm, ROUGHED)
         over = np.abs(xy) - (HALF - self.allowance_mm) + radius[:, None]
-        return np.minimum(over.max(axis=1), 0.0) + np.linalg.norm(np.maximum(over, 0.0), axis=1) - radius
+        one, other = over.T
+        beyond = np.sqrt(np.maximum(one, 0.0) ** 2 + np.maximum(other, 0.0) ** 2)
+        return np.minimum(np.maximum(one, other), 0.0) + beyond - radius
 
 
 def _distance(point: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:

@@ -182,7 +182,7 @@ class Log:
         names = "target" if by_target else "x_mm,y_mm,z_mm"
         rows = np.column_stack([self.time_s, *places, self.force_n])
         form = ",".join(["%.4f", *(["%d"] if by_target else ["%.3f"] * 3), *["%.5g"] * 3])
-        return "\n".join([f"time_s,{names},fx_n,fy_n,fz_n", *(form % tuple(row) for row in rows)]) + "\n"
+        return "\n".join([f"time_s,{names},fx_n,fy_n,fz_n", *(form % tuple(row) for row in rows.tolist())]) + "\n"
 
 
 def log_of(done: Pass, part: Part, commands: Commands, cutter: EndMill, sensor: Sensor, rng: np.random.Generator) -> Log:

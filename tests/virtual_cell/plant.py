@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -130,7 +130,7 @@ class Plant:
         for law in (*cut.laws, *air.laws):
             law.begin()
         off, forces = np.zeros((len(theta), 3)), np.zeros((len(theta), 3))
-        state = unloaded = None
+        state = unloaded = before = None
         loaded_since = time_s[0]
         moved = np.zeros(3)
         for i, q in enumerate(theta):
@@ -138,7 +138,9 @@ class Plant:
             if not force.any():
                 loaded_since = time_s[i]
             row = Row(i, 1, q, float(time_s[i]), float(time_s[i] - loaded_since), force, np.zeros(3))
-            unloaded = air.at_rest(row, np.zeros(3), None, unloaded, PASS_TOLERANCE)
+            # From where the last two steps point to.
+            start = unloaded if before is None else replace(unloaded, moved=2 * unloaded.moved - before.moved)
+            unloaded, before = air.at_rest(row, np.zeros(3), None, start, PASS_TOLERANCE), unloaded
             share, last = 1.0, np.inf
             for _ in range(200):
                 state = cut.at_rest(row, force, unloaded.torque, state, PASS_TOLERANCE)

@@ -65,9 +65,8 @@ class Statics:
 
     def place(self, q: np.ndarray) -> np.ndarray:
         """Configuration (nv,) of the rigid arm at the controller's angles q (6,) [rad]."""
-        z = np.zeros(self.model.nv)
-        for name, value in placed(q).items():
-            z[self.address[name]] = value
+        z, at = np.zeros(self.model.nv), placed(q)
+        z[[self.address[name] for name in at]] = list(at.values())
         return z
 
     def tcp_pose(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -119,7 +118,7 @@ class Statics:
             mujoco.mj_rne(model, data, 0, self._bias)
             load = force @ self._force_jacobian - self._bias
             gap, slope = self._closure(commanded, z, rod_ratio)
-            inverse = np.linalg.inv(slope[:, p])
+            inverse = _inverse(slope[:, p])
             elastic = slope[:, e]
             torque = load[e] - (load[p] @ inverse) @ elastic
             change = commanded[e] + springs(torque) - z[e]
@@ -130,6 +129,14 @@ class Statics:
             z[e] += change
             z[p] += follow
         raise RuntimeError(f"no equilibrium after {MAX_ROUNDS} rounds, residual {residual:.1e}; commanded {np.degrees(q)} deg")
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Of (3, 3), by its cofactors: a round asks for one, and LAPACK takes longer to be asked than to answer."""
+    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
+    first, second, third = e * i - f * h, f * g - d * i, d * h - e * g
+    return np.array([[first, c * h - b * i, b * f - c * e], [second, a * i - c * g, c * d - a * f],
+                     [third, b * g - a * h, a * e - b * d]]) / (a * first + b * second + c * third)
 
 
 @lru_cache(maxsize=8)

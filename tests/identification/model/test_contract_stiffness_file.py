@@ -242,7 +242,7 @@ def test_the_covariance_is_that_of_predictions_by_drawn_models(model: Identified
     model = replace(model, unknown_law=0.0)
     _, _, stated = model.predict(theta, wrench)
     predictions = []
-    for x in rng.multivariate_normal(model.mean, 0.04 * model.covariance, 3000):
+    for x in rng.multivariate_normal(model.mean, 0.04 * model.covariance, 1500):
         drawn = replace(model, mean=x)
         pose = drawn.loaded_pose(theta, wrench, model.flange_from_tcp)
         predictions.append(pose.position)

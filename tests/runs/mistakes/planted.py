@@ -69,6 +69,14 @@ class Files:
         return cell, table
 
 
+def first(case: Files, poses: int) -> Files:
+    """Its first poses alone: a short load test takes less time, and what is plain in it is plain."""
+    kept = np.isin(case.pose, list(dict.fromkeys(case.pose))[:poses])
+    names = ("theta", "force", "moved", "time", "dwell")
+    return replace(case, pose=[label for label, keep in zip(case.pose, kept, strict=True) if keep],
+                   **{name: getattr(case, name)[kept] for name in names})
+
+
 def right(seed: int, robot: str = VIRTUAL, design: str = "ladder12", hidden: tuple[Hidden, ...] = ()) -> Files:
     """A load test without a mistake; design and hidden effects are the virtual cell's."""
     if robot == VIRTUAL:

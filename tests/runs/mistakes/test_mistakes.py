@@ -16,7 +16,7 @@ from identification.fit.mistakes.joints import joint_mistakes
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.robot import built_in_robots, read_robot
-from tests.runs.mistakes.planted import MISTAKES, SHOP, VIRTUAL, right, two_robots
+from tests.runs.mistakes.planted import MISTAKES, SHOP, VIRTUAL, first, right, two_robots
 
 FEW = ["--replicates", "39", "--force"]
 
@@ -200,7 +200,7 @@ def test_no_model_comes_from_rows_with_a_mistake(tmp_path: Path) -> None:
 
 def test_another_robot_of_the_same_maker_is_named(tmp_path: Path) -> None:
     """Rows of an IRB 7600 in a cell file that names an IRB 6640: among all of ABB's the right one."""
-    case = replace(right(12, "irb7600-150-3.50"), robot="irb6640-235-2.55")
+    case = replace(first(right(12, "irb7600-150-3.50"), 5), robot="irb6640-235-2.55")
     cell, table = case.write(tmp_path)
     found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended")
     assert found["verdict"] == "mistake"

@@ -38,7 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, sample: Corrected) -> Path:
         "correct": sample, "predict": sample.planned, "budget": compstiff.error_budget(sample.planned, 50e-6),
         "identify": compstiff.fit_stiffness(cell, turned), "diagnose": compstiff.diagnose(cell, turned, replicates=19),
         "verify": verification(where, cell),
-        "design": compstiff.design_plan(cell, compstiff.Request(measurements=4), quick=True),
+        "design": compstiff.design_plan(cell, compstiff.Request(measurements=2, axes="z"), quick=True),
         "learn": learning(where, sample.planned), **joint_logs(where), **diagnoses(where)}
     pages = {name: compstiff.report(result) for name, result in results.items()}
     # An L: 80 along x, then 30 along y.
