@@ -11,7 +11,7 @@ import numpy as np
 from identification.diagnosis.attempt import attempt
 from identification.diagnosis.judgement import Cause
 from identification.diagnosis.search import Hypothesis, Survey, log_prior, survey
-from identification.fit.fitted_model import Term
+from identification.fit.fitted_model import Term, predicted_deflection
 from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.posterior import Posterior
 from identification.model.effects import Effect
@@ -24,6 +24,8 @@ OPEN_LAW = 0.01
 MAX_ROUNDS = 4
 # ln of how much likelier the fit of another set must be, to be the better one.
 LIKELIER = 3.0
+# A cause moves a reading that it moves by more than this [m], and so many of one visit are several.
+LEAST_MOVED, SEVERAL = 1e-9, 3
 # So many sets whose fit does not converge, and there is no use in trying further.
 MOST_LOST = 8
 
@@ -206,6 +208,15 @@ def credible(seen: Survey, best: Hypothesis) -> tuple[Cause, ...]:
             break
     labels = {seen.dictionary.entries[k].label for k in names}
     return tuple(cause for cause in inclusion(seen) if cause.label in labels)
+
+
+def told_by_one_visit(fitted: Posterior) -> bool:
+    """Whether its causes move several readings of one visit and none of any other: what makes the other poses no likelier, and
+    yet is neither one reading's tail nor that visit's zero."""
+    data = fitted.data
+    by_causes = fitted.predicted(data) - predicted_deflection(data, fitted.log_compliance)
+    moved = np.any(np.abs(by_causes) > LEAST_MOVED, axis=1)
+    return bool(moved.sum() >= SEVERAL) and len(np.unique(data.rows.visit[moved])) == 1
 
 
 def only_local(seen: Survey, best: Hypothesis) -> bool:

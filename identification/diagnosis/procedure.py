@@ -17,7 +17,15 @@ from identification.diagnosis.extended_model import with_free_laws
 from identification.diagnosis.gain import gain
 from identification.diagnosis.gross import bad_rows, with_crowded
 from identification.diagnosis.judgement import Judgement, Rival
-from identification.diagnosis.naming import CERTAIN, credible, inclusion, kindred, only_local, with_open_laws
+from identification.diagnosis.naming import (
+    CERTAIN,
+    credible,
+    inclusion,
+    kindred,
+    only_local,
+    told_by_one_visit,
+    with_open_laws,
+)
 from identification.diagnosis.odds import (
     CERTAINLY,
     NO_LIKELIER,
@@ -287,7 +295,7 @@ class Procedure:
         if doubt:
             return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in causes})
         measured = gain(self.data, judgement.plain, extended, self.rng)
-        against = "" if only_local(seen, best) else doubt_by(judgement.detection, measured)
+        against = "" if only_local(seen, best) or told_by_one_visit(extended) else doubt_by(judgement.detection, measured)
         if against:
             return self.unknown(judgement, seen, judgement.detection, {cause.label: against for cause in causes})
         companions = with_open_laws(seen, tuple(cause for cause in names if cause.label in slight))
@@ -330,7 +338,8 @@ class Procedure:
         if judgement.detection.p_value <= self.alarm:
             return ""
         least = np.inf if only_local(seen, best) else least_odds(judgement.plain)
-        return doubt_of(judgement.detection, odds, least) or doubt_by(
+        doubt = doubt_of(judgement.detection, odds, least)
+        return doubt if doubt or told_by_one_visit(judgement.extended) else doubt_by(
             judgement.detection, gain(self.data, judgement.plain, judgement.extended, self.rng))
 
 

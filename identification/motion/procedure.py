@@ -178,7 +178,7 @@ def _largest(axis: Axis) -> float:
 
 def _score(plain: Solved, solved: Solved) -> float:
     free = float(solved.coefficients.size - plain.coefficients.size)
-    return float(0.5 * solved.count * np.log(plain.chi2 / solved.chi2)) / max(free, 1.0)**0.5
+    return float(0.5 * solved.count * np.log(plain.chi2 / solved.chi2) / np.sqrt(max(free, 1.0)))
 
 
 def _at_work(hypotheses: Hypotheses, entry: int) -> float:

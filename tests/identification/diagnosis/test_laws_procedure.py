@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification.diagnosis import detect, procedure
+from identification.diagnosis import detect, naming, procedure
 from identification.diagnosis.pages import _probabilities
 from identification.diagnosis.plan import PlanOutlook
 from identification.diagnosis.procedure import Procedure, beside
@@ -136,19 +136,23 @@ class Open:
     carried: Any = None
 
 
-@pytest.mark.parametrize(("p_value", "odds", "support", "local", "verdict"), [
-    (0.02, -0.6, -9.0, False, "ambiguous"), (0.02, -0.8, 9.0, False, "unknown"), (0.2, 7.0, 4.0, False, "ambiguous"),
-    (0.2, 6.8, 4.0, False, "unknown"), (0.2, 7.0, 2.0, False, "unknown"), (0.2, 50.0, 50.0, True, "unknown")])
+@pytest.mark.parametrize(("p_value", "odds", "support", "local", "one_visit", "verdict"), [
+    (0.02, -0.6, -9.0, False, False, "ambiguous"), (0.02, -0.8, 9.0, False, False, "unknown"),
+    (0.2, 7.0, 4.0, False, False, "ambiguous"), (0.2, 6.8, 4.0, False, False, "unknown"),
+    (0.2, 7.0, 2.0, False, False, "unknown"), (0.2, 50.0, 50.0, True, False, "unknown"),
+    (0.2, 7.0, 0.0, False, True, "ambiguous"), (0.2, 6.8, 0.0, False, True, "unknown")])
 def test_several_names_need_what_one_needs(
-    monkeypatch: pytest.MonkeyPatch, p_value: float, odds: float, support: float, local: bool, verdict: str,
+    monkeypatch: pytest.MonkeyPatch, p_value: float, odds: float, support: float, local: bool, one_visit: bool, verdict: str,
 ) -> None:
     """A thousand to one against nothing (ln 6.9), and readings that were not fitted twenty times likelier (ln 3); what touches
-    one pose alone an alarm, and with an alarm all together (the best has half of it: ln 2) are to be likelier than nothing. The
-    likeliest goes on, with the others beside that have 95 % together with it."""
+    one pose alone an alarm, and with an alarm all together (the best has half of it: ln 2) are to be likelier than nothing. Of
+    several readings of one visit the readings at other poses tell nothing. The likeliest goes on, with the others beside that
+    have 95 % together with it."""
     names = tuple(SimpleNamespace(label=label) for label in "abcd")
     fits = {label: (label, share) for label, share in zip("abcd", (0.5, 0.3, 0.16, 0.04), strict=True)}
     for name, answer in (("credible", names), ("inclusion", names), ("only_local", local), ("log_odds", odds),
-                         ("gain", SimpleNamespace(support=support, held_out="poses")), ("rivals_of", fits),
+                         ("told_by_one_visit", one_visit), ("gain", SimpleNamespace(support=support, held_out="poses")),
+                         ("rivals_of", fits),
                          ("next_loads", ()), ("robot_difference", 1e-6)):
         monkeypatch.setattr(procedure, name, lambda *of, answer=answer: answer)
     monkeypatch.setattr(procedure, "with_free_laws", lambda model: f"{model} with its laws")
@@ -166,6 +170,21 @@ def test_several_names_need_what_one_needs(
         assert [rival.probability for rival in found.rivals] == pytest.approx([0.3 / 0.96, 0.16 / 0.96])
     else:
         assert found.carried is None
+
+
+@pytest.mark.parametrize(("moved", "told"), [
+    ([0, 0, 0, 1, 1, 1, 0, 0, 0], True), ([0, 0, 0, 0, 1, 1, 0, 0, 0], False), ([0, 0, 1, 1, 1, 1, 0, 0, 0], False),
+    ([1e-5, 0, 0, 1, 1, 1, 0, 0, 0], True), ([0] * 9, False)])
+def test_several_readings_of_one_visit_are_told_by_no_other(
+    monkeypatch: pytest.MonkeyPatch, moved: list[float], told: bool,
+) -> None:
+    """Three at least, each moved by more than a nanometre [um]; springs move all of them."""
+    springs = 1e-6 * np.random.default_rng(0).normal(0, 50, (9, 3))
+    monkeypatch.setattr(naming, "predicted_deflection", lambda data, x: springs)
+    data = SimpleNamespace(rows=SimpleNamespace(visit=np.repeat(np.arange(3), 3)))
+    fitted: Any = SimpleNamespace(data=data, log_compliance=np.zeros(6),
+                                  predicted=lambda data: springs + 1e-6 * np.outer(moved, [0, 0, 9.0]))
+    assert naming.told_by_one_visit(fitted) is told
 
 
 def test_each_cause_that_is_drawn_has_room_for_its_words() -> None:
