@@ -29,7 +29,7 @@ FIGURES = (
     (r"of (\d+) load tests as one writes them at a desk, (\d+) right, (\d+) in a set", "docs/benchmarks.md",
      r"of {0} {1} right, {2} in the set"),
     (r"of the newest's (\d+) fresh ones (\d+) right, (\d+) in a set", "docs/benchmarks.md",
-     r"Of the five fresh runs together \(8300 to 9100\) \*\*{1} of {0}\*\* are right, {2} in the set"),
+     r"Of the \w+ fresh runs together \(8300 to \d+\) \*\*{1} of {0}\*\* are right, {2} in the set"),
     (r"hold again: (\d+) % before, (\d+) % after", "docs/benchmarks.md", r"after naming right \| {0} % -> {1} %"),
     (r"axis (\d): (\d+) µrad (\d+) times a turn", "docs/real-data.md", r"\| {0} \| {2}\.\d ± \S+ \|.*\| {1}\.\d, "),
     (r"axis (\d): (\d+) to (\d+) µrad", "docs/real-data.md", r"\| {0} \| A \| \S+ → \d+ \| B \| {1} → {2} \|"),
