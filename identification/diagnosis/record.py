@@ -19,7 +19,14 @@ from identification.fit.mending import BadVisit
 from identification.fit.misfit import needed
 from identification.fit.mistakes.judge import common_factor_findings, mistake_finding
 from identification.fit.seating import moving_zero
-from identification.fit.visit_findings import mending, not_independent, sentence, validation_findings, visit_findings
+from identification.fit.visit_findings import (
+    evidence,
+    mending,
+    not_independent,
+    sentence,
+    validation_findings,
+    visit_findings,
+)
 from identification.fit.visits import ALARM as VISIT_ALARM
 from identification.model.effects import effects
 from identification.model.effects.kinds import OF_THE_KIND
@@ -93,7 +100,8 @@ def _bad_visit(bad: BadVisit) -> dict[str, Any]:
     """A cause of diagnosis.json."""
     return {"effect": "bad_visit", "joint": None, "probability": 1.0 - VISIT_ALARM, "family": "a pose", "of_robot": False,
             "sentence": sentence(bad), "parameters": {"pose": {"estimate": bad.score.name, "std": 0.0}},
-            "p_value": bad.score.p_value, "mends": [mend.as_dict() for mend in bad.mends]}
+            "p_value": bad.score.p_value, "wrong_angle": bad.score.as_dict()["wrong_angle"],
+            "mends": [mend.as_dict() for mend in bad.mends]}
 
 
 def next_measurements(judgement: Judgement) -> list[dict[str, Any]]:
@@ -387,7 +395,7 @@ def _visit_findings(judgement: Judgement) -> list[Finding]:
                             "table of poses") if judgement.suspects else []
     if test.bad and not judgement.bad_visits:
         names = ", ".join(score.name for score in test.bad)
-        found.append(Finding("CS1735", "warning", f"the readings at {names} stand out from the other poses (p = "
-                             f"{test.p_value:.2g}), but without them the others have no name: all were kept", file=source,
+        found.append(Finding("CS1735", "warning", f"the readings at {names} stand out from the other poses "
+                             f"({evidence(test.bad[0])}), but without them the others have no name: all were kept", file=source,
                              line=test.bad[0].line, hint="look at these poses first: pose, loads, what drags or sticks there"))
     return found

@@ -1,8 +1,9 @@
 """What would mend a visit that does not fit the others: one slip in its angles, loads or readings, held against its response.
 
-Slips that people make (slips.py) are tried, kind by kind. Each gives the response `G F` of the springs that the other visits
-found, at the pose that the table should then have; its probability is that of its misfit among all slips and "none of these",
-each kind as likely as another beforehand. None of these: the response is off by a part of itself in any way.
+Slips that people make (slips.py) are tried, kind by kind, and each angle off by any amount. Each gives the response `G F` of
+the springs that the other visits found, at the pose that the table should then have; its probability is that of its misfit
+among all slips and "none of these", each kind as likely as another beforehand. None of these: the response is off by a part of
+itself in any way.
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.quantities import two_sigma
 from identification.common.tails import chi2_tail
 from identification.fit.fitted_model import response
 from identification.fit.noise import noise_model
 from identification.fit.own_response import LoadColumns, OwnResponse, own_response
 from identification.fit.posterior import Posterior
-from identification.fit.slips import FROM_ANOTHER, Slip, slips_of
+from identification.fit.slips import FROM_ANOTHER, Slip, slips_of, written
 from identification.fit.visits import SHARED_FORCE, VisitScore, VisitTest, visit_name
 from identification.measurements import Measurements
 from identification.model.effects_in_force import SPRINGS
@@ -29,8 +31,11 @@ Array = NDArray[np.float64]
 MOST, WORTH_KEEPING, FITS = 3, 0.05, 1e-3
 # In words only those of this probability.
 WORTH_TELLING = 0.25
-# Angles taken from a visit that is right itself are so many times rarer than another slip.
-RARER = {FROM_ANOTHER: 10.0}
+# Angles taken from a visit that is right itself, or off by no slip of the pen, are so many times rarer than another slip.
+ANY_ANGLE = "angle"
+RARER = {FROM_ANOTHER: 10.0, ANY_ANGLE: 3.0}
+# How far an angle may be off [deg], 1 sigma, and in what steps that is tried.
+OFF_DEG, MOST_OFF_DEG, STEP_DEG = 8.0, 20.0, 0.05
 # A slip that moves an axis less changes nothing that could be seen.
 LEAST_DEG = 0.5
 # Off by one of these parts of itself is a response that none of the slips explains: little as by what sticks or drags, or much.
@@ -89,10 +94,12 @@ def mends(rest: Posterior, rows: Measurements, score: VisitScore, scale: float, 
     mine = np.isin(rows.row, score.rows)
     visit = _Visit(rest, rows.select(mine), scale)
     slips = [slip for slip in slips_of(rows, mine, bad, visit.expected) if _new(rest, rows.theta[mine][0], slip)]
-    if not slips:
-        return ()
-    number = {kind: sum(slip.kind == kind for slip in slips) for kind in {slip.kind for slip in slips}}
     log_weight, fits = visit.judged(slips)
+    angles = visit.angles_off()
+    slips += [slip for slip, _, _ in angles]
+    log_weight = np.append(log_weight, [weight for _, weight, _ in angles])
+    fits = np.append(fits, [fit for _, _, fit in angles])
+    number = {kind: sum(slip.kind == kind for slip in slips) for kind in {slip.kind for slip in slips}}
     log_weight -= np.log([number[slip.kind] * RARER.get(slip.kind, 1.0) for slip in slips])
     every = np.append(log_weight, visit.anything())
     probability = np.exp(every - every.max())
@@ -147,6 +154,27 @@ class _Visit:
             one, off = self._against(theta[k: k + 1], loads, own, self._shared)
             value[k], misfit[k] = one[0] - 0.5 * (own.left[0] - self._own.left[0]) / self._scale, off[0]
         return value, misfit
+
+    def angles_off(self) -> list[tuple[Slip, float, float]]:
+        """Each angle off by any amount, integrated over what it may be: with ln likelihood, and the best fit's misfit as a
+        chi-squared."""
+        off = np.arange(-MOST_OFF_DEG, MOST_OFF_DEG + STEP_DEG / 2, STEP_DEG)
+        prior = -0.5 * (off / OFF_DEG) ** 2
+        prior -= np.logaddexp.reduce(prior)
+        theta, found = self._rows.theta[0], []
+        for axis in range(6):
+            moved = theta + np.radians(off)[:, None] * np.eye(6)[axis]
+            value, misfit = self._against(moved, self._loads, self._own, self._shared)
+            total = float(np.logaddexp.reduce(value + prior))
+            share = np.exp(value + prior - total)
+            mean = float(share @ off)
+            sigma = np.sqrt(share @ (off - mean) ** 2 + STEP_DEG**2 / 12)
+            stood = float(np.degrees(theta[axis]))
+            words = (f"axis {axis + 1} is {written(stood)} in the table; {stood + mean:.2f} +- {two_sigma(sigma):.2f} would "
+                     "fit")
+            slip = Slip(ANY_ANGLE, words, theta + np.radians(mean) * np.eye(6)[axis])
+            found.append((slip, total, float(misfit.min())))
+        return found
 
     def anything(self) -> float:
         """ln likelihood of a response off in any way."""

@@ -24,7 +24,7 @@ from identification.common.command_line import call
 from identification.common.report import Key, Page, ReportTable, Step, Verdict, count_words, render
 from identification.fit.fit import Fit
 from identification.fit.identifiability import LOOK_FOR_IT
-from identification.fit.visit_findings import mending
+from identification.fit.visit_findings import evidence, mending
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.controller import runs_rapid, use_of_stiffnesses
@@ -68,10 +68,10 @@ def identification_report(fit: Fit) -> str:
     ]
     if fit.bad_visits:
         tables.append(ReportTable("Poses left out: their readings fit no stiffness that fits the others",
-                                  ["pose", "first line", "p", "share of the misfit", "what would mend it"],
-                                  [[bad.score.name, f"{bad.score.line}", f"{bad.score.p_value:.2g}",
+                                  ["pose", "first line", "evidence", "share of the misfit", "what would mend it"],
+                                  [[bad.score.name, f"{bad.score.line}", evidence(bad.score),
                                     f"{100 * bad.score.share:.0f} %", mending(bad)] for bad in fit.bad_visits],
-                                  numbers=(1, 2, 3)))
+                                  numbers=(1, 3)))
     light = np.flatnonzero(fit.row_weight < 0.999)
     if len(light):
         order = light[np.argsort(fit.row_weight[light])][:20]

@@ -8,7 +8,7 @@ of a few hundred kilograms makes, are free beside every model, and integrated ou
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,6 @@ Array = NDArray[np.float64]
 CARRIERS = (1, 2)
 # Gravity torque at a carrier [N m]: an assumption, of the order that an arm of 600 kg with its spindle has half stretched out.
 WEIGHT_NM = 4000.0
-STEP = 1e-4
 
 
 def sag_columns(state: LoadState, sight: Sight) -> Array:
@@ -33,10 +32,7 @@ def sag_columns(state: LoadState, sight: Sight) -> Array:
     columns = []
     for i in CARRIERS:
         sag = state.compliance[i] * WEIGHT_NM
-        ahead, behind = state.theta.copy(), state.theta.copy()
-        ahead[:, i] += STEP
-        behind[:, i] -= STEP
-        slope = (replace(state, theta=ahead).elastic_position - replace(state, theta=behind).elastic_position) / (2 * STEP)
+        slope = state.slope_by_angle(i)
         spring = state.jacobian[:, :3, i] * (state.compliance[i] * state.torque[:, i])[:, None]
         angle = state.theta[:, i]
         columns += [sag * slope, sag * slope * np.sin(angle)[:, None], sag * slope * np.cos(angle)[:, None],

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from identification.common.findings import Finding
+from identification.common.quantities import two_sigma
 from identification.fit.mending import WORTH_TELLING, BadVisit
 from identification.fit.noise import MEMORY, SETUP, SetUp
 from identification.fit.posterior import Posterior
 from identification.fit.validation import Validation
-from identification.fit.visits import VisitTest
+from identification.fit.visits import VisitScore, VisitTest
 
 # Rows are counted in words up to here.
 WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
@@ -27,7 +28,16 @@ def sentence(bad: BadVisit) -> str:
     number = WORDS[count] if count < len(WORDS) else str(count)
     readings = "reading of" if count == 1 else f"{number} readings of"
     return (f"the {readings} {bad.score.name} {'does' if count == 1 else 'do'} not fit any stiffness that fits the other poses "
-            f"(p = {bad.score.p_value:.2g})")
+            f"({evidence(bad.score)})")
+
+
+def evidence(score: VisitScore) -> str:
+    """What speaks against a visit, in words: how rarely chance makes as much, or how much likelier a wrong angle is."""
+    wrong = score.wrong_angle
+    if wrong is None:
+        return f"p = {score.p_value:.2g}"
+    return (f"odds of e^{wrong.log_odds:.0f} that axis {wrong.joint} stood {np.degrees(wrong.missing):+.2f} +- "
+            f"{np.degrees(two_sigma(wrong.std)):.2f} degrees from where the table has it")
 
 
 def mending(bad: BadVisit) -> str:

@@ -29,6 +29,7 @@ from identification.fit.noise import MEMORY, SETUP, NoiseModel, noise_model
 from identification.fit.own_response import LoadColumns, own_response
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.sag import sag_columns
+from identification.fit.wrong_angle import WrongAngle, wrong_angles
 from identification.measurements import Measurements
 from identification.model.compliance import compliance_matrix
 from identification.model.law_of import LawOf
@@ -60,7 +61,8 @@ LIGHT = 0.3
 class VisitScore:
     """How one visit fits the others. name: the pose's label or its first line; rows (n,): numbers in the file, from 1; line: of
     the first row; light: how many of them count under a third of an ordinary one. surprise: -log10 of the probability of its
-    z alone; p_value: family-wise. share: of the whole misfit. offset (3,) [m]: of its readings from the model, its response
+    z alone; p_value: family-wise; wrong_angle: one of its angles that differs from the table's, where that is far likelier than
+    the table (wrong_angle.py). share: of the whole misfit. offset (3,) [m]: of its readings from the model, its response
     free, with offset_std (3,) [m], what the re-seating that was estimated allows; NaN where it cannot be told apart."""
 
     name: str
@@ -72,6 +74,7 @@ class VisitScore:
     share: float
     offset: Array
     offset_std: Array
+    wrong_angle: WrongAngle | None = None
 
     @property
     def offset_sigmas(self) -> float:
@@ -83,6 +86,7 @@ class VisitScore:
         sigmas = self.offset_sigmas
         return {"pose": self.name, "rows": self.rows.tolist(), "line": self.line, "light_rows": self.light,
                 "surprise": self.surprise, "p_value": self.p_value, "share_of_misfit": self.share,
+                "wrong_angle": None if self.wrong_angle is None else self.wrong_angle.as_dict(),
                 "offset_um": None if np.isnan(sigmas) else (1e6 * self.offset).tolist(),
                 "offset_sigmas": None if np.isnan(sigmas) else sigmas}
 
@@ -108,10 +112,26 @@ def bad_visits(fitted: Posterior, seed: int = 0) -> VisitTest:
     two visits that are off: where they came in, visits are taken out as if there were none, and judged by a fit that may have
     them again."""
     test = _taken_out(fitted, seed, usual_noise=False)
-    if not fitted.at_map.noise.active[SETUP]:
+    if fitted.at_map.noise.active[SETUP]:
+        other = _taken_out(fitted.with_usual_noise, seed, usual_noise=True)
+        test = other if len(other.bad) > len(test.bad) else test
+    return test if test.too_many else _with_wrong_angles(test, fitted, seed)
+
+
+def _with_wrong_angles(test: VisitTest, fitted: Posterior, seed: int) -> VisitTest:
+    """The test with those visits of the rest that have a wrong angle, by its evidence."""
+    rest, rows = test.rest or fitted, fitted.data.rows
+    visits = np.array([visit for visit in np.unique(rest.data.rows.visit)
+                       if testable(rest.data.rows, np.flatnonzero(rest.data.rows.visit == visit))])
+    found, rest = wrong_angles(rest, visits, int(MOST * len(test.scores)) - len(test.bad))
+    if not found:
         return test
-    other = _taken_out(fitted.with_usual_noise, seed, usual_noise=True)
-    return other if len(other.bad) > len(test.bad) else test
+    of_line = {int(rows.line[rows.visit == one.visit][0]): one for one in found}
+    known = {score.line for score in test.bad}
+    again = score_visits(rest, fitted.data, np.random.default_rng([seed, 1731]), REPLICATES)
+    bad = [replace(score, wrong_angle=of_line.get(score.line)) for score in again.scores
+           if score.line in known or score.line in of_line]
+    return replace(again, bad=tuple(sorted(bad, key=lambda score: -score.surprise)), rest=rest)
 
 
 def _taken_out(fitted: Posterior, seed: int, usual_noise: bool) -> VisitTest:

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 FOREARM = 0.4
 # Time [s] that one row is taken to last where no row has a time: half a minute until nothing creeps, and a reading.
 PACE_S = 60.0
+# Angles are moved by so much for a slope [rad].
+STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,12 @@ class LoadState:
     def at_rest(self) -> Equilibrium:
         """The plain robot under the load."""
         return equilibrium(self.robot, self.theta, self.flange_from_tcp, self.wrench, self.compliance)
+
+    def slope_by_angle(self, axis: int) -> Array:
+        """What a radian more at an axis, from 0, makes of the plain robot's deflection (n, 3) [m]."""
+        moved = STEP * np.eye(6)[axis]
+        ahead, behind = (replace(self, theta=self.theta + way * moved).elastic_position for way in (1, -1))
+        return np.asarray((ahead - behind) / (2 * STEP))
 
     @cached_property
     def loaded(self) -> Array:

@@ -18,12 +18,22 @@ ORDINARY = 2.0
 def log_evidence(fitted: Posterior) -> float:
     """ln p(rows) by Laplace, the arm's unknown weight integrated out too, but for what models of the same rows have in common;
     rows that count for little cost what their heavy tails cost."""
-    at = fitted.at_map
-    given_noise = float(ComponentPosterior(at, fitted.beside)(fitted.components.logs[None])[0][0])
-    free = np.flatnonzero(at.noise.active)
+    free = np.flatnonzero(fitted.at_map.noise.active)
+    given_noise = float(ComponentPosterior(fitted.at_map, fitted.beside)(fitted.components.logs[None])[0][0])
     volume = 0.5 * float(np.linalg.slogdet(2 * np.pi * fitted.components_covariance[np.ix_(free, free)])[1])
+    return given_noise + volume + _beside_noise(fitted)
+
+
+def averaged_evidence(fitted: Posterior) -> float:
+    """The same, averaged over the ways in which the parts of the noise may be there that need not be (optional_parts.py)."""
+    return fitted.trials.log_evidence + _beside_noise(fitted)
+
+
+def _beside_noise(fitted: Posterior) -> float:
+    """What the prior and the heavy tails add to ln p(rows)."""
+    at = fitted.at_map
     prior = 0.5 * float(np.linalg.slogdet(at.prior.precision(at.x))[1]) - at.prior.value(at.x)
-    return given_noise + prior + volume + log_tails(at.noise, fitted.components, fitted.weights, at.residual)
+    return prior + log_tails(at.noise, fitted.components, fitted.weights, at.residual)
 
 
 def ordinary(fitted: Posterior) -> VarianceComponents:
