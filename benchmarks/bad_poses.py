@@ -27,10 +27,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from identification.common.findings import CompstiffError
 from identification.diagnosis.diagnose import diagnose
+from identification.fit.bad_visits import bad_visits
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import with_mends
 from identification.fit.posterior import posterior
-from identification.fit.visits import bad_visits
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from tests.virtual_cell.cell import Case, Hidden, simulate

@@ -1,4 +1,5 @@
-"""The fifth judge's load tests, each with one hidden cause or none: `python benchmarks/fifth_world.py N SEED FOLDER`.
+"""The fifth judge's load tests, each with one hidden cause or none: `python benchmarks/fifth_world.py N SEED FOLDER
+[CAUSE]`, which hides that cause in all of them.
 
 Its author knew the files' formats and neither the program's effects nor what other judges hide. A case is a folder with
 cell.yaml, measurements.csv and truth.json; a cause is sized to show by 4 to 30 sigma after six springs were fitted to it,
@@ -83,9 +84,10 @@ def written(one: Trial, table: dict[str, Array], sheet: dict[str, Any], truth: d
     (folder / "measurements.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def made(count: int, seed: int, folder: Path) -> Iterator[dict[str, Any]]:
+def made(count: int, seed: int, folder: Path, only: str = "") -> Iterator[dict[str, Any]]:
     """Write the cases, one after the other; each has a generator of its own."""
-    for n, cause in enumerate(deck(count, np.random.default_rng(seed))):
+    causes = [cause for cause in CAUSES if cause.name == only] * count if only else deck(count, np.random.default_rng(seed))
+    for n, cause in enumerate(causes):
         rng = np.random.default_rng([seed, n])
         one, hidden, size, sigmas, _ = case(cause, rng)
         truth = {"cause": cause.name, "of": cause.of, **hidden.told, "size": float(size), "sigmas": round(sigmas, 1),
@@ -95,12 +97,12 @@ def made(count: int, seed: int, folder: Path) -> Iterator[dict[str, Any]]:
         yield truth
 
 
-def main(count: int, seed: int, folder: Path) -> None:
+def main(count: int, seed: int, folder: Path, only: str = "") -> None:
     print(f"seed {seed}")
-    for n, truth in enumerate(made(count, seed, folder)):
+    for n, truth in enumerate(made(count, seed, folder, only)):
         where = f"{truth['robot']:18} {truth['design']:12} {truth['instrument']:11}"
         print(f"{n:03d} {truth['cause']:17} {where} size {truth['size']:.3g}, {truth['sigmas']:.1f} sigma", flush=True)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]))
+    main(int(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]), *sys.argv[4:])

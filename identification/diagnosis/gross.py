@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import CompstiffError
+from identification.fit.bad_visits import MOST as MOST_VISITS
 from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.student import distances, probability_beyond
-from identification.fit.visits import MOST as MOST_VISITS
 from identification.fit.visits import VisitTest
 
 Array = NDArray[np.float64]

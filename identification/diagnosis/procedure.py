@@ -42,13 +42,14 @@ from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.share import share_of
 from identification.diagnosis.slight import no_names, of_nothing, without_slight
 from identification.diagnosis.swing import allowed_for, swing_of
+from identification.fit.bad_visits import bad_visits
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
 from identification.fit.misfit import GRANTED, beyond_stated, far_off
 from identification.fit.mistakes.judge import RIVAL, Mistakes, beyond_the_fit, fitted_or_mistaken, mistakes_in
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.validation import judge_validation
-from identification.fit.visits import VisitTest, bad_visits
+from identification.fit.visits import VisitTest
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
@@ -171,7 +172,8 @@ class Procedure:
         again = rest.without_bad_rows(rest.judged())
         if again.verdict == "unknown" and judgement.verdict == "named":
             return self.without_bad_rows(judgement)
-        if again.verdict == "unknown" and judgement.verdict == "unknown":
+        slips = all(visit.score.wrong_angle is not None for visit in bad)
+        if again.verdict == "unknown" and judgement.verdict == "unknown" and not slips:
             # What depends on the pose shows most at some: no slip there, while nothing explains the others.
             names = ", ".join(visit.score.name for visit in bad)
             return self.without_bad_rows(replace(judgement, patterns=(LEAST_IN_WORDS.format(names), *judgement.patterns)))

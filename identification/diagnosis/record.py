@@ -15,6 +15,7 @@ from identification.diagnosis.odds import NAMING
 from identification.diagnosis.procedure import ALARM
 from identification.diagnosis.slight import brought_along
 from identification.diagnosis.swing import EFFECT, Swing
+from identification.fit.bad_visits import ALARM as VISIT_ALARM
 from identification.fit.mending import BadVisit
 from identification.fit.misfit import needed
 from identification.fit.mistakes.judge import common_factor_findings, mistake_finding
@@ -27,7 +28,6 @@ from identification.fit.visit_findings import (
     validation_findings,
     visit_findings,
 )
-from identification.fit.visits import ALARM as VISIT_ALARM
 from identification.model.effects import effects
 from identification.model.effects.kinds import OF_THE_KIND
 from identification.model.load_state import PACE_S, LoadState
@@ -221,8 +221,8 @@ def _verdict(judgement: Judgement) -> list[str]:
     if judgement.verdict == "mistake":
         return [line for mistake in judgement.mistakes for line in mistake.lines()]
     if judgement.verdict == "unknown":
-        beside = " beside that" if left_out and not alone else ""
-        return [*left_out, f"unknown: something is wrong{beside} that no cause in the dictionary explains",
+        else_ = " else" if left_out and not alone else ""
+        return [*left_out, f"unknown: something{else_} is wrong that no cause in the dictionary explains",
                 *(f"  seen: {pattern}" for pattern in judgement.patterns[:4]),
                 *(f"  withdrawn: {cause_words(label)} ({label}): {why}" for label, why in judgement.withdrawn.items())]
     told, more = judgement.alternatives[:MOST_TOLD], judgement.alternatives[MOST_TOLD:]

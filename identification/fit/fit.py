@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from identification.common.arrays import read_only, rms
 from identification.common.findings import CompstiffError, Finding, error
 from identification.common.tails import chi2_tail
+from identification.fit.bad_visits import bad_visits
 from identification.fit.fitted_model import predicted_deflection
 from identification.fit.force_gain import delivered
 from identification.fit.identifiability import (
@@ -41,7 +42,6 @@ from identification.fit.seating import moving_zero
 from identification.fit.subsets import Conflict, subset_conflicts
 from identification.fit.validation import Validation, judge_validation
 from identification.fit.visit_findings import mending, not_independent, sentence, validation_findings, visit_findings
-from identification.fit.visits import bad_visits
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.gravity import fall_in_base

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import read_only, rms
 from identification.common.tails import f_median, f_tail
+from identification.fit.bad_visits import ALARM, MOST, SCREENING
 from identification.fit.fitted_model import response
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
 from identification.fit.noise import noise_model
 from identification.fit.posterior import Posterior
-from identification.fit.visits import ALARM, MOST, SCREENING, VisitTest, score_visits, tails
+from identification.fit.visits import VisitTest, score_visits, tails
 from identification.measurements import Measurements
 
 Array = NDArray[np.float64]

@@ -45,6 +45,8 @@ def mending(bad: BadVisit) -> str:
     likely = [mend for mend in bad.mends if mend.probability >= WORTH_TELLING]
     if likely:
         told = "; or ".join(f"{mend.what} ({100 * mend.probability:.0f} % of what was tried)" for mend in likely)
+    elif bad.score.wrong_angle is not None:
+        told = f"drive there again and read axis {bad.score.wrong_angle.joint}: no slip of the pen is likelier than others"
     else:
         told = ("is its pose written rightly? No single slip in its angles or loads is likely; does something drag or stick "
                 "there, was the tool or a sensor touched?")

@@ -9,7 +9,8 @@ g, C_g: the visit's own response and its covariance; x, C_x: step and covariance
 to a step; f: a force error that all readings of a visit share; L: a share of what the named causes do there, whose real laws
 are none of the dictionary's exactly. s is the median of z over the visits, each in units of its
 chi-squared's median, and 1 at least: what is wrong everywhere makes no single visit stand out. The largest z gets its
-probability from replicates under the noise of the fit, which in the end is a fit without the visits in question (`bad_visits`).
+probability from replicates under the noise of the fit, which in the end is a fit without the visits in question
+(bad_visits.py).
 """
 
 from __future__ import annotations
@@ -20,41 +21,46 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.findings import CompstiffError
 from identification.common.tails import chi2_above, chi2_surprise
 from identification.fit.discrepancy import discrepancies
 from identification.fit.fitted_model import WIDE, response
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import MEMORY, SETUP, NoiseModel, noise_model
 from identification.fit.own_response import LoadColumns, own_response
-from identification.fit.posterior import Posterior, posterior
+from identification.fit.posterior import Posterior
 from identification.fit.sag import sag_columns
-from identification.fit.wrong_angle import WrongAngle, wrong_angles
 from identification.measurements import Measurements
 from identification.model.compliance import compliance_matrix
 from identification.model.law_of import LawOf
 
 Array = NDArray[np.float64]
-# A visit is left out only on evidence that is rarer by chance than this, family-wise over the visits.
-ALARM = 0.005
-# No visit is looked at further where even the whole fit makes its largest misfit so likely.
-SCREEN = 0.1
-# Visits without which none can be called bad, and the share of them beyond which they are no single mistakes.
-FEWEST, MOST = 6, 1 / 3
 # A force error that all readings of a visit share, in shares of the load: half a per cent, as of the single readings.
 SHARED_FORCE = 0.005
 # So much of what a named cause of the robot does at a pose its real law may do otherwise there, 1 sigma.
 LAW = 0.3
-SCREENING, REPLICATES, BATCH = 199, 399, 20
+BATCH = 20
 # Above so many rows the replicates are left to the chi-squared: the noise is well known there.
 MANY_ROWS = 6000
 # Tails that replicates have at least: rows do not tell tails well, few of them not at all.
 TAILS, FEW_ROWS, TAILS_OF_FEW = 20.0, 100, 6.0
-# A visit of a few readings whose others fit without one of them, to this probability, has one bad reading.
-FEW_READINGS, UNSUSPICIOUS = 6, 0.05
-# A zero that is off by so many of its standard deviations has moved.
-MOVED_ZERO = 4.0
 LIGHT = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class WrongAngle:
+    """Visit (its number in the rows), joint (1 to 6), the angle [rad] that is missing in the table with its standard deviation,
+    and ln of how much likelier that is than the table."""
+
+    visit: int
+    joint: int
+    missing: float
+    std: float
+    log_odds: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        return {"joint": self.joint, "missing_deg": float(np.degrees(self.missing)), "std_deg": float(np.degrees(self.std)),
+                "log_odds": self.log_odds}
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,89 +110,6 @@ class VisitTest:
     too_many: bool = False
     rest: Posterior | None = None
     scale: float = 1.0
-
-
-def bad_visits(fitted: Posterior, seed: int = 0) -> VisitTest:
-    """The visits that the fit of the others does not explain: taken out one after the other, the fit and its noise worked out
-    anew without them, and each of them judged by the last of these fits. Forces that differ from one set-up to the next explain
-    two visits that are off: where they came in, visits are taken out as if there were none, and judged by a fit that may have
-    them again."""
-    test = _taken_out(fitted, seed, usual_noise=False)
-    if fitted.at_map.noise.active[SETUP]:
-        other = _taken_out(fitted.with_usual_noise, seed, usual_noise=True)
-        test = other if len(other.bad) > len(test.bad) else test
-    return test if test.too_many else _with_wrong_angles(test, fitted, seed)
-
-
-def _with_wrong_angles(test: VisitTest, fitted: Posterior, seed: int) -> VisitTest:
-    """The test with those visits of the rest that have a wrong angle, by its evidence."""
-    rest, rows = test.rest or fitted, fitted.data.rows
-    visits = np.array([visit for visit in np.unique(rest.data.rows.visit)
-                       if testable(rest.data.rows, np.flatnonzero(rest.data.rows.visit == visit))])
-    found, rest = wrong_angles(rest, visits, int(MOST * len(test.scores)) - len(test.bad))
-    if not found:
-        return test
-    of_line = {int(rows.line[rows.visit == one.visit][0]): one for one in found}
-    known = {score.line for score in test.bad}
-    again = score_visits(rest, fitted.data, np.random.default_rng([seed, 1731]), REPLICATES)
-    bad = [replace(score, wrong_angle=of_line.get(score.line)) for score in again.scores
-           if score.line in known or score.line in of_line]
-    return replace(again, bad=tuple(sorted(bad, key=lambda score: -score.surprise)), rest=rest)
-
-
-def _taken_out(fitted: Posterior, seed: int, usual_noise: bool) -> VisitTest:
-    """`bad_visits` by fits with the usual parts of the noise alone, or with all that the rows ask for."""
-    rng = np.random.default_rng([seed, 1730])
-    rows = fitted.data.rows
-    test = score_visits(fitted, fitted.data, rng, SCREENING)
-    if len(test.scores) < FEWEST or test.p_value > SCREEN:
-        return test
-    out: list[VisitScore] = []
-    rest = fitted
-    while True:
-        taken = {score.line for score in out}
-        inside = [score for score in test.scores if score.line not in taken]
-        worst = max(inside, key=lambda score: score.surprise)
-        if out and worst.p_value > ALARM:
-            break
-        out.append(worst)
-        if len(out) > MOST * len(test.scores):
-            return replace(test, too_many=True)
-        kept = ~np.isin(rows.row, np.concatenate([score.rows for score in out]))
-        try:
-            rest = posterior(fitted.data.with_rows(rows.select(kept)), fitted.terms, fitted, usual_noise=usual_noise)
-        except CompstiffError:
-            # Without these visits there is no fit to judge them by.
-            return test
-        test = score_visits(rest, fitted.data, rng, REPLICATES)
-    if usual_noise:
-        rest = posterior(rest.data, fitted.terms, rest)
-        test = score_visits(rest, fitted.data, rng, REPLICATES)
-    taken = {score.line for score in out}
-    bad = sorted((score for score in test.scores if score.line in taken and score.p_value <= ALARM
-                  and not _one_reading(rest, fitted.data, score)), key=lambda score: -score.surprise)
-    if bad and len(bad) < len(out):
-        kept = ~np.isin(rows.row, np.concatenate([score.rows for score in bad]))
-        rest = posterior(fitted.data.with_rows(rows.select(kept)), fitted.terms, fitted)
-    return replace(test, bad=tuple(bad), rest=rest if bad else None)
-
-
-def _one_reading(rest: Posterior, data: LoadTest, score: VisitScore) -> bool:
-    """Whether a visit of a few readings fits without one of them, which is then no matter of the visit; visits of many are
-    robust against one. Where another unloaded reading says that its zero stayed, the others are not all off from it."""
-    rows = data.rows
-    unloaded = rows.row[~np.any(rows.wrench != 0, axis=1)]
-    if not 2 < len(score.rows) <= FEW_READINGS:
-        return False
-    for number in score.rows:
-        left = data.with_rows(rows.select(rows.row != number))
-        others = set(score.rows.tolist()) - {int(number)}
-        test = score_visits(rest, left, np.random.default_rng(0), 0)
-        again = next((other for other in test.scores if set(other.rows.tolist()) == others), None)
-        zero_stayed = bool(set(unloaded.tolist()) & others)
-        if again is not None and again.p_value > UNSUSPICIOUS and not (zero_stayed and again.offset_sigmas > MOVED_ZERO):
-            return True
-    return False
 
 
 def score_visits(fitted: Posterior, data: LoadTest, rng: np.random.Generator, replicates: int) -> VisitTest:

@@ -11,8 +11,7 @@ from those of the next, which make of a visit what a small angle does.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from identification.common.findings import CompstiffError
 from identification.fit.fitted_model import WIDE, Term
 from identification.fit.mistakes.evidence import averaged_evidence, ordinary
 from identification.fit.posterior import Posterior, posterior
+from identification.fit.visits import WrongAngle, score_visits
 from identification.model.effects import Effect, Parameter
 from identification.model.load_state import LoadState
 
@@ -29,27 +29,12 @@ Array = NDArray[np.float64]
 RARE = -np.log(600.0)
 # ln of how much likelier a wrong angle must be than none, of a visit that is left out, and before it is fitted.
 SUPPORT, HOPEFUL = 7.0, 5.0
+# With it the visit must fit as chance has it so often, family-wise.
+FITS = 0.05
 # Only so many visits are fitted, the likeliest.
 MOST_FITTED = 3
 # The fit of one begins no farther off [rad].
 MOST_AT_FIRST = 0.3
-
-
-@dataclass(frozen=True, eq=False)
-class WrongAngle:
-    """Visit (its number in the rows), joint (1 to 6), the angle [rad] that is missing in the table with its standard deviation,
-    and ln of how much likelier that is than the table."""
-
-    visit: int
-    joint: int
-    missing: float
-    std: float
-    log_odds: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """JSON values."""
-        return {"joint": self.joint, "missing_deg": float(np.degrees(self.missing)), "std_deg": float(np.degrees(self.std)),
-                "log_odds": self.log_odds}
 
 
 class AngleOfVisit(Effect):
@@ -105,9 +90,17 @@ def likeliest_wrong_angle(fitted: Posterior, visits: NDArray[np.intp]) -> WrongA
         except CompstiffError:
             continue
         odds = averaged_evidence(model) - averaged_evidence(fitted) + RARE
-        if odds >= SUPPORT and (found is None or odds > found.log_odds):
+        if odds >= SUPPORT and (found is None or odds > found.log_odds) and _fits(model, visit):
             found = WrongAngle(visit, joint, float(model.likeliest[-1]), float(np.sqrt(model.laplace[-1, -1])), odds)
     return found
+
+
+def _fits(model: Posterior, visit: int) -> bool:
+    """Whether the readings of a visit fit those of the others in a model with its angle."""
+    rows = model.data.rows
+    line = rows.line[np.argmax(rows.visit == visit)]
+    scores = score_visits(model, model.data, np.random.default_rng(0), 0).scores
+    return next(score.p_value for score in scores if score.line == line) > FITS
 
 
 def _hopeful(fitted: Posterior, visits: NDArray[np.intp]) -> Iterator[tuple[int, int, float]]:

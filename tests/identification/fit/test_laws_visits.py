@@ -18,6 +18,7 @@ from scipy import stats
 from identification.common.findings import CompstiffError
 from identification.diagnosis.diagnose import Diagnosis, diagnose
 from identification.fit import visits
+from identification.fit.bad_visits import bad_visits
 from identification.fit.fit import Fit, fit_stiffness
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit
@@ -26,7 +27,7 @@ from identification.fit.posterior import posterior
 from identification.fit.seating import moving_zero
 from identification.fit.slips import slips_of_pen
 from identification.fit.visit_findings import visit_findings
-from identification.fit.visits import bad_visits, score_visits
+from identification.fit.visits import score_visits
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from tests.virtual_cell.cell import Case, Hidden, simulate

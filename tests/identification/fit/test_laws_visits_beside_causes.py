@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from identification.fit import visits
+from identification.fit.bad_visits import bad_visits
 from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import posterior
-from identification.fit.visits import bad_visits
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.effects import effects

@@ -10,13 +10,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import multivariate_normal
 
+from identification.fit.bad_visits import bad_visits
 from identification.fit.fit import fit_stiffness
 from identification.fit.fitted_model import WIDE
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.evidence import ordinary
 from identification.fit.posterior import posterior
 from identification.fit.visit_findings import sentence
-from identification.fit.visits import bad_visits, score_visits
+from identification.fit.visits import score_visits
 from identification.fit.wrong_angle import AngleOfVisit, _near_none, likeliest_wrong_angle, wrong_angles
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
