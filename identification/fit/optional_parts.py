@@ -65,9 +65,10 @@ def possible(noise: NoiseModel) -> tuple[int, ...]:
     return tuple(part for part, company in ((SETUP, loaded), (MEMORY, rows)) if np.sum(company > 2) > 1)
 
 
-def asked_for(at: Linearised, components: VarianceComponents) -> Way:
-    """The parts that the rows ask for beyond the usual ones."""
-    plain = float(ComponentPosterior(at).likelihood(components.logs[None])[0])
+def asked_for(at: Linearised, components: VarianceComponents, beside: Array) -> Way:
+    """The parts that the rows ask for beyond the usual ones; beside (n, 3, m): as in ComponentPosterior, since set-ups that turn
+    the force explain the arm's own weight as well."""
+    plain = float(ComponentPosterior(at, beside).likelihood(components.logs[None])[0])
     asked, set_up = [], SetUp.TURNED
     for part in possible(at.noise):
         logs = np.repeat(components.logs[None], len(SIZES) * len(LEFT), axis=0)
@@ -75,7 +76,7 @@ def asked_for(at: Linearised, components: VarianceComponents) -> Way:
         logs[:, TAKEN_FOR[part]] += np.repeat(np.log(LEFT), len(SIZES))[:, None]
         likely = {}
         for way in SetUp if part == SETUP else (SetUp.TURNED,):
-            of_way = ComponentPosterior(replace(at, noise=at.noise.with_parts(part, set_up=way)))
+            of_way = ComponentPosterior(replace(at, noise=at.noise.with_parts(part, set_up=way)), beside)
             likely[way] = float(of_way.likelihood(logs).max())
         best = max(likely, key=lambda way: likely[way])
         if likely[best] > plain + WORTH_A_PART:

@@ -80,8 +80,7 @@ class Posterior:
     def beside(self) -> Array:
         """Columns (n, 3, m) of the arm's unknown weight, in the noise's coordinates, which are free beside the model; none with
         the published prior."""
-        sag = sag_columns(self.load_state, self.at_map.noise)
-        return sag[:, :, :0] if self.prior.kind == "gaussian" else sag
+        return _FittedModel(self.data, self.terms, self.data.rows.deflection, self.prior).beside(self.at_map.noise, self.map)
 
     @cached_property
     def likeliest(self) -> Array:
@@ -221,7 +220,7 @@ def posterior(
         components = likeliest(ComponentPosterior(at), components)
         if number == 1 and not usual_noise:
             # Near enough to the MAP to see whether the rows ask for more than they usually do.
-            further = asked_for(at, components)
+            further = asked_for(at, components, model.beside(noise, x))
             components = replace(components, set_up=further.set_up)
             noise = noise.with_parts(*further.parts, set_up=further.set_up)
             at = replace(at, noise=noise)
@@ -255,6 +254,11 @@ class _FittedModel:
         moved = [term.effect.of_each_visit(state, term.joint, values)[:, :3]
                  for term, values in zip(self.terms, split(x[EFFECTS], self.terms), strict=True) if term.effect.by_visit]
         return replace(noise, further=noise.whitened(np.concatenate(moved, axis=2)))
+
+    def beside(self, noise: NoiseModel, x: Array) -> Array:
+        """`Posterior.beside` at x."""
+        sag = sag_columns(self.data.load_state(np.exp(x[SPRINGS])), noise)
+        return sag[:, :, :0] if self.prior.kind == "gaussian" else sag
 
     def linearised(self, noise: NoiseModel, row_weight: Array, x: Array) -> Linearised:
         """The model at x in the coordinates of `noise`."""

@@ -107,10 +107,25 @@ def test_the_way_that_is_asked_for_is_the_one_that_set_ups_follow(kind: SetUp) -
     design, none = rng.normal(size=(COUNT, 3, 2)), rng.normal(size=(COUNT, 3))
     drawn = none + 10.0 * np.einsum("nik,nk->ni", loading, rng.normal(size=(VISITS, loading.shape[2]))[VISIT])
     for residual in (none, drawn):
-        asked = asked_for(Linearised(model, design, residual, np.ones(COUNT), prior, np.zeros(2)), VarianceComponents())
+        at = Linearised(model, design, residual, np.ones(COUNT), prior, np.zeros(2))
+        asked = asked_for(at, VarianceComponents(), np.zeros((COUNT, 3, 0)))
         # Where they differ by so much the neighbours in a visit are alike, too.
         assert (asked == Way((), SetUp.TURNED)) == (residual is none)
         assert residual is none or (SETUP in asked.parts and asked.set_up == kind)
+
+
+def test_what_the_arm_s_weight_does_asks_for_no_turned_set_ups() -> None:
+    """Set-ups that turn the force differently at each pose would explain it as well, with as many numbers as there are poses."""
+    rng, model = np.random.default_rng(21), noise()
+    in_size = model.setups[:, :, ::4].sum(axis=2, keepdims=True)
+    pattern = rng.normal(size=(VISITS, 9, 3))
+    weight = 20.0 * np.einsum("nik,nkm->nim", model.setups, pattern[VISIT])
+    sized = 5.0 * in_size[:, :, 0] * rng.normal(size=VISITS)[VISIT][:, None]
+    residual = rng.normal(size=(COUNT, 3)) + sized + weight @ rng.normal(size=3)
+    prior: Any = SimpleNamespace(precision=lambda x: np.eye(2), gradient=lambda x: np.zeros(2))
+    at = Linearised(model, rng.normal(size=(COUNT, 3, 2)), residual, np.ones(COUNT), prior, np.zeros(2))
+    assert asked_for(at, VarianceComponents(), weight).set_up == SetUp.SIZED
+    assert asked_for(at, VarianceComponents(), weight[:, :, :0]).set_up == SetUp.TURNED
 
 
 def test_a_weight_is_as_heavy_at_every_pose(tmp_path: Path) -> None:
