@@ -187,10 +187,13 @@ def _made_anew(state: LoadState, sight: Sight, catalogue: dict[str, Effect]) -> 
             shapes = effect.signatures(state, joint)
             entries.append(Entry(effect, joint, range(len(signatures), len(signatures) + len(shapes))))
             signatures += shapes
-    # One after the other: of long load tests all of them together are most of what is held.
+    # Entry by entry: of long load tests all of them together are most of what is held.
     widths = np.array([shape.rows.shape[2] for shape in signatures], dtype=np.intp)
     columns = np.empty((*sight.whitened(np.zeros((len(state), 3, 0))).shape[:2], int(widths.sum())))
-    for shape, end in zip(signatures, np.cumsum(widths), strict=True):
-        columns[:, :, end - shape.rows.shape[2]: end] = sight.whitened(shape.rows * shape.scale)
+    end = 0
+    for entry in filter(lambda entry: entry.signatures, entries):
+        moved = np.concatenate([signatures[s].rows * signatures[s].scale for s in entry.signatures], axis=2)
+        start, end = end, end + moved.shape[2]
+        columns[:, :, start:end] = sight.whitened(moved)
     return Dictionary(tuple(entries), tuple(signatures), columns, widths,
                       np.array([shape.positive for shape in signatures], dtype=bool), left_out)
