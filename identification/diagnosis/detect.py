@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.tails import chi2_surprise
-from identification.diagnosis.dictionary import WIDEST, Dictionary, dictionary_of
+from identification.diagnosis.dictionary import Dictionary, dictionary_of
 from identification.diagnosis.patterns import Pattern, patterns_of
 from identification.diagnosis.projection import Base, information_blocks, room
 from identification.diagnosis.replicates import AveragedNoise, Drawn, FittedNoise
@@ -116,23 +116,20 @@ def surprise(
 
 
 def entry_surprise(base: Base, dictionary: Dictionary, weighted: Array, step: Array, variance: Array) -> Array:
-    """-log10 of each entry's own probability (entries, B): chi-squared of its best signature, times how many it has."""
-    flat = dictionary.columns.reshape(len(weighted), -1)
-    b = np.zeros((*dictionary.used.shape, weighted.shape[1]))
-    b[dictionary.used] = flat.T @ weighted - base.cross(dictionary.columns).T @ step
-    coefficients = np.linalg.inv(information_blocks(base, dictionary) + 1e-9 * np.eye(WIDEST)) @ b
-    ratio = np.einsum("sib,sib->sb", b, coefficients) / variance
-    positive, log_shares = dictionary.positive, np.log(shares(dictionary))
-    ratio[positive] *= coefficients[positive, 0] > 0
-    result = np.zeros((len(dictionary.entries), ratio.shape[1]))
-    for k, entry in enumerate(dictionary.entries):
-        members = np.array(entry.signatures)
-        for degrees, half in {(int(dictionary.widths[s]), bool(positive[s])) for s in members}:
+    """-log10 of the smallest probability that an entry has by itself (kinds, B), of each kind of signature: chi-squared of the
+    best one, times how many its entry has. A kind has as many coefficients and the same share in all its entries."""
+    every = dictionary.columns.reshape(len(weighted), -1).T @ weighted - base.cross(dictionary.columns).T @ step
+    blocks, share, result = information_blocks(base, dictionary), shares(dictionary), []
+    for some, places in dictionary.alike:
+        b, width, positive = every[places], places.shape[1], dictionary.positive[some]
+        coefficients = np.linalg.inv(blocks[some, :width, :width] + 1e-9 * np.eye(width)) @ b
+        ratio = np.einsum("sib,sib->sb", b, coefficients) / variance
+        ratio[positive] *= coefficients[positive, 0] > 0
+        for each in np.unique(share[some]):
             # Of signatures alike the largest ratio is the least probable: one tail, which costs more than all before it.
-            alike = members[(dictionary.widths[members] == degrees) & (positive[members] == half)]
-            surprise = chi2_surprise(ratio[alike].max(axis=0), degrees)
-            result[k] = np.maximum(result[k], surprise - log_shares[alike[0]] / np.log(10))
-    return result
+            surprise = chi2_surprise(ratio[share[some] == each].max(axis=0), width)
+            result.append(np.maximum(surprise - np.log(each) / np.log(10), 0.0))
+    return np.array(result).reshape(len(result), weighted.shape[1])
 
 
 def shares(dictionary: Dictionary) -> Array:

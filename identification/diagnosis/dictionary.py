@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 WIDEST = 6
 # Weights on a gear that differ by less than such a factor are one as far as a second cause is concerned.
 ALIKE = 1.2
+# Numbers of a dictionary that is kept as long as its state: of some three hundred rows.
+MOST_KEPT = 3_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,20 +66,15 @@ class Dictionary:
         return np.asarray(np.cumsum(self.widths) - self.widths)
 
     @cached_property
-    def used(self) -> NDArray[np.bool_]:
-        """Which of WIDEST coefficients each signature has (S, 6)."""
-        return np.arange(WIDEST)[None] < self.widths[:, None]
+    def alike(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        """The signatures with as many coefficients as each other, (s,), and their columns (s, width)."""
+        return [(some, self.starts[some][:, None] + np.arange(width))
+                for width in np.unique(self.widths) for some in [np.flatnonzero(self.widths == width)]]
 
     def of(self, *signatures: int) -> Array:
         """Columns (n, 3, p) of these signatures, one after the other."""
         places = [np.arange(self.starts[s], self.starts[s] + self.widths[s]) for s in signatures]
         return self.columns[:, :, np.concatenate(places)]
-
-    def by_signature(self, values: Array) -> Array:
-        """Values (..., m) of the columns as (..., S, 6), nothing where a signature has no such coefficient."""
-        padded = np.zeros((*values.shape[:-1], *self.used.shape))
-        padded[..., self.used] = values
-        return padded
 
     def shapes(self, entry: int, signature: int) -> Array:
         """Columns (n, 3, m) of an entry whose law is not exactly the dictionary's: its signatures for all values of what does
@@ -152,15 +149,16 @@ class Dictionary:
 
 @dataclass(frozen=True)
 class _Made:
-    """A dictionary that may still be in use, with what it was made of."""
+    """A dictionary that may still be in use, with what it was made of; held: a small one, which lives as long as its state."""
 
     sight: ReferenceType[Sight]
     catalogue: dict[str, Effect]
     dictionary: ReferenceType[Dictionary]
+    held: Dictionary | None
 
 
-# Of a state that lives its last dictionary: who looks for causes and who tests what is left ask for the same one. It is kept by
-# its users alone, since of long load tests it is most of what is held.
+# Of a state that lives its last dictionary: who looks for causes and who tests what is left ask for the same one. A large one
+# is kept by its users alone, since of long load tests it is most of what is held.
 _MADE: WeakKeyDictionary[LoadState, _Made] = WeakKeyDictionary()
 
 
@@ -172,7 +170,7 @@ def dictionary_of(state: LoadState, sight: Sight, catalogue: dict[str, Effect]) 
         if known is not None:
             return known
     dictionary = _made_anew(state, sight, catalogue)
-    _MADE[state] = _Made(ref(sight), catalogue, ref(dictionary))
+    _MADE[state] = _Made(ref(sight), catalogue, ref(dictionary), dictionary if dictionary.columns.size <= MOST_KEPT else None)
     return dictionary
 
 
@@ -189,10 +187,13 @@ def _made_anew(state: LoadState, sight: Sight, catalogue: dict[str, Effect]) -> 
             shapes = effect.signatures(state, joint)
             entries.append(Entry(effect, joint, range(len(signatures), len(signatures) + len(shapes))))
             signatures += shapes
-    # One after the other: of long load tests all of them together are most of what is held.
+    # Entry by entry: of long load tests all of them together are most of what is held.
     widths = np.array([shape.rows.shape[2] for shape in signatures], dtype=np.intp)
     columns = np.empty((*sight.whitened(np.zeros((len(state), 3, 0))).shape[:2], int(widths.sum())))
-    for shape, end in zip(signatures, np.cumsum(widths), strict=True):
-        columns[:, :, end - shape.rows.shape[2]: end] = sight.whitened(shape.rows * shape.scale)
+    end = 0
+    for entry in filter(lambda entry: entry.signatures, entries):
+        moved = np.concatenate([signatures[s].rows * signatures[s].scale for s in entry.signatures], axis=2)
+        start, end = end, end + moved.shape[2]
+        columns[:, :, start:end] = sight.whitened(moved)
     return Dictionary(tuple(entries), tuple(signatures), columns, widths,
                       np.array([shape.positive for shape in signatures], dtype=bool), left_out)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import WIDEST, Dictionary
+from identification.model.kinematics import chunks
 
 Array = NDArray[np.float64]
 # Prior standard deviation of a coefficient in typical sizes: effects between a half and twice their typical size are the rule.
@@ -135,24 +136,28 @@ class Scores:
 
 def scores(base: Base, dictionary: Dictionary, grams: Array | None = None) -> Scores:
     """The residual of the fitted model against every signature; grams (S, 6, 6): `own_grams`, where they are at hand."""
-    cross, width = base.cross(dictionary.columns), WIDEST
-    b = dictionary.by_signature(base.score(dictionary.columns, base.residual[:, :, None], base.shift, cross)[:, 0])
-    information = _blocks(base, dictionary, cross, own_grams(base.weights, dictionary) if grams is None else grams)
-    largest = np.max(np.where(dictionary.used, np.einsum("sii->si", information), 0.0), axis=1)
-    ridge = 1e-9 * np.einsum("sii->s", information)[:, None, None] * np.eye(width) + 1e-12 * np.eye(width)
-    best = np.linalg.solve(information + ridge, b[..., None])[..., 0]
-    ratio = np.where(dictionary.positive & (best[:, 0] < 0), 0.0, np.sum(b * best, axis=1))
-    return Scores(evidence(information, b, dictionary.positive, dictionary.widths), ratio, largest > INVISIBLE,
-                  np.abs(best[:, 0]))
+    cross, count = base.cross(dictionary.columns), len(dictionary.widths)
+    every = base.score(dictionary.columns, base.residual[:, :, None], base.shift, cross)[:, 0]
+    blocks = _blocks(base, dictionary, cross, own_grams(base.weights, dictionary) if grams is None else grams)
+    (evident, ratio, size), visible = np.empty((3, count)), np.empty(count, dtype=bool)
+    ridge = 1e-9 * np.einsum("sii->s", blocks) + 1e-12
+    for some, places in dictionary.alike:
+        b, width, positive = every[places], places.shape[1], dictionary.positive[some]
+        information = blocks[some, :width, :width]
+        best = np.linalg.solve(information + ridge[some, None, None] * np.eye(width), b[..., None])[..., 0]
+        ratio[some] = np.where(positive & (best[:, 0] < 0), 0.0, np.sum(b * best, axis=1))
+        visible[some] = np.einsum("sii->si", information).max(axis=1) > INVISIBLE
+        evident[some], size[some] = evidence(information, b, positive), np.abs(best[:, 0])
+    return Scores(evident, ratio, visible, size)
 
 
 def own_grams(weights: Weighing, dictionary: Dictionary) -> Array:
     """E^T W E (S, 6, 6) of every signature: whatever the model beside it, so that a search makes them once."""
     grams = np.zeros((len(dictionary.widths), WIDEST, WIDEST))
-    for width in np.unique(dictionary.widths):
-        alike = np.flatnonzero(dictionary.widths == width)
-        for some in np.split(alike, np.arange(AT_ONCE, len(alike), AT_ONCE)):
-            columns = dictionary.of(*some)
+    for alike, places in dictionary.alike:
+        width = places.shape[1]
+        for part in chunks(len(alike), AT_ONCE):
+            some, columns = alike[part], dictionary.columns[:, :, places[part].ravel()]
             own, weighted = (each.reshape(-1, len(some), width) for each in (columns, weights.apply(columns)))
             grams[some, :width, :width] = own.transpose(1, 2, 0) @ weighted.transpose(1, 0, 2)
     return grams
@@ -164,10 +169,12 @@ def information_blocks(base: Base, dictionary: Dictionary) -> Array:
 
 
 def _blocks(base: Base, dictionary: Dictionary, cross: Array, grams: Array) -> Array:
-    taken = dictionary.by_signature(base.inverse @ cross)
-    own = grams - np.einsum("asp,asq->spq", dictionary.by_signature(cross), taken, optimize=True)
-    own[~dictionary.used[:, :, None] & np.eye(WIDEST, dtype=bool)] = 1.0
-    return np.asarray(own)
+    own, taken = np.repeat(np.eye(WIDEST)[None], len(grams), axis=0), base.inverse @ cross
+    for some, places in dictionary.alike:
+        width = places.shape[1]
+        own[some, :width, :width] = grams[some, :width, :width] - (
+            cross[:, places].transpose(1, 2, 0) @ taken[:, places].transpose(1, 0, 2))
+    return own
 
 
 def room(size: float) -> float:
@@ -175,24 +182,20 @@ def room(size: float) -> float:
     return max(1.0, size / PRIOR_SIZES)
 
 
-def evidence(information: Array, b: Array, positive: NDArray[np.bool_], widths: NDArray[np.intp]) -> Array:
+def evidence(information: Array, b: Array, positive: NDArray[np.bool_]) -> Array:
     """ln Bayes factor (S,) of an effect against none, its coefficients ~ N(0, PRIOR_SIZES^2), or now and then far larger
-    (LARGER); positive: half of these normals."""
-    each = [share + _of_normal(information, b, positive, widths, PRIOR_SIZES * times) for share, times in LARGER]
+    (LARGER); information (S, p, p), score b (S, p); positive: half of these normals."""
+    each = [share + _of_normal(information, b, positive, PRIOR_SIZES * times) for share, times in LARGER]
     return np.asarray(np.logaddexp.reduce(each))
 
 
-def _of_normal(
-    information: Array, b: Array, positive: NDArray[np.bool_], widths: NDArray[np.intp], deviation: float
-) -> Array:
+def _of_normal(information: Array, b: Array, positive: NDArray[np.bool_], deviation: float) -> Array:
     from scipy.special import log_ndtr
 
     width = b.shape[1]
     precision = information + np.eye(width) / deviation**2
     mean = np.linalg.solve(precision, b[..., None])[..., 0]
     value = 0.5 * np.sum(b * mean, axis=1) - 0.5 * np.linalg.slogdet(precision)[1] - width * np.log(deviation)
-    # Unused coefficients have information 1 and no score: their factor does not belong here.
-    value += (width - widths) * 0.5 * np.log1p(deviation**2)
     # Where next to no noise is left, numbers cancel to less than nothing.
     spread = np.sqrt(np.maximum(np.linalg.inv(precision)[:, 0, 0], 1e-300))
     return np.asarray(value + np.where(positive, np.log(2.0) + log_ndtr(mean[:, 0] / spread), 0.0))

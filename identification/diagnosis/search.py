@@ -219,6 +219,11 @@ class _Scan:
     sight: Sight
 
     @cached_property
+    def _unit_mixture(self) -> Callable[[int], Array]:
+        """Of each joint, worked out once."""
+        return cache(self._mixture_of_one)
+
+    @cached_property
     def grams(self) -> Array:
         """Of every signature by itself (S, 6, 6)."""
         return own_grams(self.base.weights, self.dictionary)
@@ -291,10 +296,14 @@ class _Scan:
     def _mixture(self, joint: int, size: float) -> Array:
         """What a gear of this size may do by all the laws that imitate each other at once (n, 3, m), a law each alike: each may
         differ by a mixture of all of them, of LAW_SHARE of its size."""
+        return size * self._unit_mixture(joint)
+
+    def _mixture_of_one(self, joint: int) -> Array:
+        """`_mixture` of a size of one."""
         dictionary = self.dictionary
         signatures = [s for k in dictionary.gear_laws(joint) if dictionary.entries[k].effect.law_family
                       for s in dictionary.entries[k].signatures]
-        of_share = LAW_SHARE / np.sqrt(len(signatures)) / PRIOR_SIZES * size
+        of_share = LAW_SHARE / np.sqrt(len(signatures)) / PRIOR_SIZES
         columns = np.concatenate([of_share / dictionary.amplitude(s) * dictionary.of(s)[:, :, :1] for s in signatures], axis=2)
         # Many laws do nearly the same: what they have in common, and what little more.
         own, strength, _ = np.linalg.svd(columns.reshape(-1, columns.shape[2]), full_matrices=False)

@@ -21,9 +21,11 @@ from identification.model.effects_in_force import (
     STEP,
     EffectInForce,
     added,
+    added_by_each,
     as_felt,
     slopes_by_springs,
     split,
+    together,
 )
 from identification.model.law_of import LawOf
 from identification.model.load_state import LoadState
@@ -68,18 +70,22 @@ def response(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -> tuple[Arra
     position = position + state.of_weight[:, :3]
     if not terms:
         return position, slope
-    base = added(state, terms, values)
-    by_springs = slopes_by_springs(state, terms, values, base)[:, :3]
-    by_parameter = [_by_own(state, terms, values, base, which) for which in range(len(terms))]
-    return position + base[:, :3], np.concatenate([slope + by_springs, *by_parameter], axis=2)
+    felt = as_felt(state, terms, values)
+    each = added_by_each(state, felt, terms, values)
+    by_springs = slopes_by_springs(state, felt, terms, values, each)[:, :3]
+    by_parameter = [_by_own(state, felt, terms, values, each, which) for which in range(len(terms))]
+    return position + together(state, each)[:, :3], np.concatenate([slope + by_springs, *by_parameter], axis=2)
 
 
-def _by_own(state: LoadState, terms: Sequence[Term], values: Array, base: Array, which: int) -> Array:
-    """Slope (n, 3, p) of what all terms add, which is `base` (n, 6) at values (P,), by the parameters of one of them."""
+def _by_own(
+    state: LoadState, felt: LoadState, terms: Sequence[Term], values: Array, each: Sequence[Array], which: int,
+) -> Array:
+    """Slope (n, 3, p) of what all terms add, which is `each` (n, 6) at values (P,), by the parameters of one of them; felt: as
+    in `added_by_each`."""
     term, parts = terms[which], split(values, terms)
     own, place = parts[which], sum(len(part) for part in parts[:which])
     of_force = term.effect.true_wrench(state, term.joint, own) is not None
-    rows = as_felt(state, terms, values) if term.effect.of_robot else state
+    rows = felt if term.effect.of_robot else state
     if isinstance(term.effect, LawOf):
         return term.effect.columns(rows, term.joint, own)[:, :3]                        # linear in its coefficients
 
@@ -89,10 +95,10 @@ def _by_own(state: LoadState, terms: Sequence[Term], values: Array, base: Array,
         ahead[place + k] += step
         if of_force:
             # All terms together: what the force is changes what the others feel.
-            return np.asarray((added(state, terms, ahead) - base)[:, :3] / step)
+            return np.asarray((added(state, terms, ahead) - here)[:, :3] / step)
         return np.asarray((term.contribution(rows, split(ahead, terms)[which]) - here)[:, :3] / step)
 
-    here, slope = base if of_force else term.contribution(rows, own), np.empty((len(state), 3, len(own)))
+    here, slope = together(state, each) if of_force else each[which], np.empty((len(state), 3, len(own)))
     for k in range(len(own)):
         sides = np.array([moved(1.0, k), moved(-1.0, k)])
         # A force that is felt otherwise can set teeth on their other side: what jumps has no slope there.

@@ -189,8 +189,9 @@ class NoiseModel:
         return order, np.searchsorted(self.visit[order], np.arange(self.visits))
 
     @cached_property
-    def alike(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """The visits piece by piece, those of one length together: visits (v,), and their rows (v, length)."""
+    def alike(self) -> list[tuple[NDArray[np.intp], slice | NDArray[np.intp]]]:
+        """The visits piece by piece, those of one length together: visits (v,), and their rows (v length,), visit by visit; as
+        a slice where they stand one after the other."""
         order, starts = self._by_visit
         length = np.diff(np.append(starts, len(order)))
         pieces = []
@@ -198,7 +199,9 @@ class NoiseModel:
             visits = np.flatnonzero(length == each)
             for some in np.array_split(visits, -(-len(visits) * each // PIECE)):
                 if len(some):
-                    pieces.append((some, order[starts[some][:, None] + np.arange(each)]))
+                    rows = order[starts[some][:, None] + np.arange(each)].ravel()
+                    run = slice(int(rows[0]), int(rows[0]) + len(rows))
+                    pieces.append((some, run if np.array_equal(rows, np.arange(run.start, run.stop)) else rows))
         return pieces
 
     def products(self, left: Array, right: Array) -> Array:
@@ -322,7 +325,7 @@ class Weights:
             carried = self.carried[rows].reshape(len(visits), -1, self.carried.shape[2])
             mine = columns[rows].reshape(len(visits), -1, columns.shape[2])
             common = self.shared_inverse[visits] @ (carried.swapaxes(1, 2) @ mine)
-            solved[rows] -= (carried @ common).reshape(*rows.shape, 3, -1)
+            solved[rows] -= (carried @ common).reshape(-1, *solved.shape[1:])
         return solved
 
     def freed(self, moved: Array) -> Weights:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-EYE = np.eye(3)
+EYE, DIAGONAL = np.eye(3), np.arange(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,28 +76,39 @@ class RememberingRows:
     def of(cls, own: Array, sensor: Array, rho: Array, measured: NDArray[np.bool_], row_weight: Array,
            steps: tuple[Indices, ...]) -> RememberingRows:
         """As `RowsAlone.of`, with a memory rho (S,)."""
-        size, kept = sensor[:, None, None, None] ** 2 * EYE, rho[:, None, None, None]
-        seen, whole = measured.astype(float), bool(measured.all())
+        seen, whole, order = measured.astype(float), bool(measured.all()), np.concatenate(steps)
         if not whole:
             # A component that was not measured is one of variance 1 that nothing goes with.
             own = own * (seen[:, :, None] * seen[:, None, :]) + (1.0 - seen)[:, :, None] * EYE
-        log_determinant = np.zeros(len(sensor)) - float(np.sum(measured * np.log(row_weight)[:, None]))
-        covariance, fresh, kept_twice = np.repeat(size, len(steps[0]), axis=1), (1.0 - kept**2) * size, kept**2
-        placed, filters, end = own[:, np.concatenate(steps)], np.zeros((*own.shape[:2], 6, 3)), 0
-        each = []
+        there = seen[order].T[:, None, :, None]
+        size, kept_twice = EYE[:, :, None, None] * sensor**2, rho**2
+        covariance, fresh, end = np.repeat(size, len(steps[0]), axis=2), (1.0 - kept_twice) * size, 0
+        # Components first, each step is a few operations on whole rows of numbers: the innovations' covariance L D L^T and what
+        # goes with it of the state, side by side (3, 6, n, S); L^-1 of them is D L^T and L^-1 of the state.
+        sides = np.empty((3, 6, len(order), len(sensor)))
+        sides[:, :3] = own[:, order].transpose(2, 3, 1, 0)
         for rows in steps:
             place = slice(end, end + len(rows))
-            end, both, covariance = place.stop, filters[:, place], covariance[:, : len(rows)]
-            met = covariance if whole else seen[rows][:, :, None] * covariance
-            determinant = whitening_of_three(
-                placed[:, place] + (met if whole else met * seen[rows][:, None, :]), both[:, :, :3])
-            log_determinant += np.log(determinant).sum(axis=1)
-            white = both[:, :, :3] @ met
-            carried = white.swapaxes(2, 3)
-            covariance = kept_twice * (covariance - carried @ white) + fresh
-            np.multiply(kept, carried @ both[:, :, :3], out=both[:, :, 3:])
-            each.append(both)
-        return cls(steps, seen, np.sqrt(row_weight), rho, log_determinant, each)
+            end, covariance, beside = place.stop, covariance[:, :, : len(rows)], sides[:, :, place]
+            met = covariance if whole else there[:, :, place] * covariance
+            beside[:, :3] += met if whole else met * there[:, 0, place]
+            beside[:, 3:] = met
+            for row in (0, 1):
+                share = beside[row + 1:, row] / beside[row, row]
+                beside[row + 1:, row + 1:] -= share[:, None] * beside[row, row + 1:]
+            state = beside[:, 3:]
+            scaled = state / beside[DIAGONAL, DIAGONAL][:, None]
+            covariance = kept_twice * (covariance - np.einsum("kimS,kjmS->ijmS", state, scaled)) + fresh
+        variance, (a, b, c) = sides[DIAGONAL, DIAGONAL], sides[[0, 0, 1], [1, 2, 2]] / sides[[0, 0, 1], [0, 0, 1]]
+        filters = np.zeros((6, 3, *variance.shape[1:]))
+        filters[DIAGONAL, DIAGONAL] = 1.0
+        filters[1, 0], filters[2, 0], filters[2, 1] = -a, a * c - b, -c
+        filters[:3] /= np.sqrt(variance)[:, None]
+        np.einsum("kimS,kjmS->ijmS", rho * sides[:, 3:] / np.sqrt(variance)[:, None], filters[:3], out=filters[3:])
+        filters = np.ascontiguousarray(filters.transpose(3, 2, 0, 1))
+        log_determinant = np.log(variance).sum(axis=(0, 1)) - float(np.sum(measured * np.log(row_weight)[:, None]))
+        return cls(steps, seen, np.sqrt(row_weight), rho, log_determinant,
+                   np.split(filters, np.cumsum([len(rows) for rows in steps])[:-1], axis=1))
 
     @cached_property
     def _order(self) -> Indices:
@@ -192,17 +203,6 @@ def inverse_of_three(matrix: Array) -> tuple[Array, Array]:
     whole = 1 / first + low * low / second + corner * edge
     inverse = np.stack([whole, top, edge, top, middle, beside, edge, beside, last], axis=-1)
     return np.asarray(inverse.reshape(matrix.shape)), first * second * third
-
-
-def whitening_of_three(matrix: Array, root: Array) -> Array:
-    """R (..., 3, 3), lower triangular, with R^T R the inverse of symmetric positive definite matrices, into `root`, which is
-    zero above the diagonal, and their determinant (...), as `inverse_of_three` does."""
-    diagonal, (low, corner, lowest) = _factors(matrix)
-    for row, size in enumerate(diagonal):
-        root[..., row, row] = 1 / np.sqrt(size)
-    root[..., 1, 0] = low * root[..., 1, 1]
-    root[..., 2, 0], root[..., 2, 1] = corner * root[..., 2, 2], lowest * root[..., 2, 2]
-    return diagonal[0] * diagonal[1] * diagonal[2]
 
 
 def _factors(matrix: Array) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +55,8 @@ class EffectInForce:
 
 def split(values: Array, effects: Sequence[EffectInForce]) -> list[Array]:
     """The parameter values of each effect, from those of all (P,)."""
-    ends = np.cumsum([len(term.effect.parameters) for term in effects])
-    return np.split(values, ends[:-1]) if effects else []
+    ends = list(accumulate(len(term.effect.parameters) for term in effects))
+    return [values[start: end] for start, end in zip([0, *ends], ends, strict=False)]
 
 
 def added(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> Array:
@@ -64,15 +65,17 @@ def added(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> A
     The rows stand in the order in which the loads come: that order is the history of effects with a memory. Those of the robot
     feel the force that really acted, where another is one of the force's measurement.
     """
-    return _added(rows, as_felt(rows, effects, values), effects, values)
+    return together(rows, added_by_each(rows, as_felt(rows, effects, values), effects, values))
 
 
-def _added(rows: LoadState, felt: LoadState, effects: Sequence[EffectInForce], values: Array) -> Array:
-    """The same, the force that really acted known. felt: the rows under it."""
-    total = np.zeros((len(rows), 6))
-    for term, own in zip(effects, split(values, effects), strict=True):
-        total += _one(rows, felt, term, own)
-    return total
+def added_by_each(rows: LoadState, felt: LoadState, effects: Sequence[EffectInForce], values: Array) -> list[Array]:
+    """What each of the effects adds (n, 6); felt: the rows under the force that really acted."""
+    return [_one(rows, felt, term, own) for term, own in zip(effects, split(values, effects), strict=True)]
+
+
+def together(rows: LoadState, each: Sequence[Array]) -> Array:
+    """The sum (n, 6) of what effects add."""
+    return np.asarray(sum(each, start=np.zeros((len(rows), 6))))
 
 
 def _one(rows: LoadState, felt: LoadState, term: EffectInForce, own: Array) -> Array:
@@ -95,20 +98,21 @@ def displaced(pose: Frame, moved: Array) -> Frame:
     return Frame(rotation_matrix(moved[:, 3:]) @ pose.rotation, pose.position + moved[:, :3])
 
 
-def slopes_by_springs(rows: LoadState, effects: Sequence[EffectInForce], values: Array, base: Array) -> Array:
-    """Derivative (n, 6, 6) of what the effects add, which is `base` (n, 6), by ln c, by differences at the loaded pose: where
-    that goes with softer springs changes what is small beside the deviation by as little again."""
-    result, felt = np.zeros((len(rows), 6, 6)), as_felt(rows, effects, values)
-    softer = _softer(rows, felt, range(6))
+def slopes_by_springs(
+    rows: LoadState, felt: LoadState, effects: Sequence[EffectInForce], values: Array, each: Sequence[Array],
+) -> Array:
+    """Derivative (n, 6, 6) of what the effects add, which is `each` (n, 6), by ln c, by differences at the loaded pose: where
+    that goes with softer springs changes what is small beside the deviation by as little again. felt: as in `added_by_each`."""
+    result, softer = np.zeros((len(rows), 6, 6)), _softer(rows, felt, range(6))
     # What stays as it is where all springs are softer does not ask how soft they are: a wrench, an angle, a gear's own play.
-    moved = [(term, own) for term, own in zip(effects, split(values, effects), strict=True)
-             if not np.array_equal(_one(*softer, term, own), _one(rows, felt, term, own))]
+    moved = [(term, own, here) for term, own, here in zip(effects, split(values, effects), each, strict=True)
+             if not np.array_equal(_one(*softer, term, own), here)]
     if not moved:
         return result
-    rest = base if len(moved) == len(effects) else np.asarray(sum(_one(rows, felt, term, own) for term, own in moved))
+    rest = together(rows, [here for _, _, here in moved])
     for joint in range(6):
         softer = _softer(rows, felt, [joint])
-        result[:, :, joint] = (np.asarray(sum(_one(*softer, term, own) for term, own in moved)) - rest) / STEP
+        result[:, :, joint] = (together(rows, [_one(*softer, term, own) for term, own, _ in moved]) - rest) / STEP
     return result
 
 
@@ -126,7 +130,8 @@ def slopes(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> 
     Where a parameter changes the state a load history leaves behind, it is the derivative along that history.
     """
     result = np.empty((len(rows), 6, 6 + len(values)))
-    result[:, :, SPRINGS] = slopes_by_springs(rows, effects, values, added(rows, effects, values))
+    felt = as_felt(rows, effects, values)
+    result[:, :, SPRINGS] = slopes_by_springs(rows, felt, effects, values, added_by_each(rows, felt, effects, values))
     place = 6
     for term, own in zip(effects, split(values, effects), strict=True):
         if isinstance(term.effect, LawOf):

@@ -52,4 +52,7 @@ def under_ordinary_noise(fitted: Posterior) -> Posterior:
     """The fit as a place to look for causes from, as if no part of the noise, stated or not, were larger than ordinary and no
     row counted for less: what is larger may be there for want of a cause."""
     components = fitted.components.with_values(np.minimum(fitted.components.values, ORDINARY))
-    return replace(fitted, weights=fitted.at_map.noise.weights(components))
+    ordinary = replace(fitted, weights=fitted.at_map.noise.weights(components))
+    # At the same MAP the rows are in the same state, and every effect shows alike in them.
+    vars(ordinary)["load_state"] = fitted.load_state
+    return ordinary

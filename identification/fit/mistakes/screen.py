@@ -81,13 +81,11 @@ def sums(model: Linear) -> Sums:
     data, columns, scaled, variance = model.data, model.columns, model.readings, model.variance
     precision = np.where(np.isnan(data.rows.deflection), 0.0, 1 / variance[:, None])
     offset = data.cell.noise.pose_offset if data.cell.noise.offset_stated else np.full(3, USUAL_OFFSET_M)
-    visit = np.unique(data.rows.visit, return_inverse=True)[1]
-    visits = int(visit.max()) + 1
+    order = np.argsort(data.rows.visit, kind="stable")
+    starts = np.unique(data.rows.visit[order], return_index=True)[1]
 
     def by_visit(values: Array) -> Array:
-        result = np.zeros((visits, *values.shape[1:]))
-        np.add.at(result, visit, values)
-        return result
+        return np.asarray(np.add.reduceat(values[order], starts, axis=0))
 
     both = np.concatenate([columns, scaled[:, :, None]], axis=2)
     weighted = precision[:, :, None] * both

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter
+from identification.model.kinematics import Chain
 from identification.model.load_state import LoadState
 
 # log(1 + u) as a sum of Kelvin elements: the integral of (1 - exp(-s u)) exp(-s) / s over s, by steps of ln s.
@@ -43,7 +46,7 @@ class OneElement(_Creep):
     )
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        twist = crept(rows, rows.compliance * rows.torque, values[1])
+        twist = rows.compliance * crept(rows, rows.torque, values[1])
         return np.asarray(values[0] * np.einsum("nri,ni->nr", rows.jacobian, twist))
 
 
@@ -72,23 +75,34 @@ class Creep(_Creep):
         ratio, time, memory = values
         if rows.at_load:
             memory = 1.0
-        load, held = rows.compliance * rows.torque, rows.held
-        crept = load * np.log1p(held / time)[:, None]
+        crept = rows.torque * np.log1p(rows.held / time)[:, None]
         if memory:
-            crept = crept + memory * _left_of_earlier(rows, load, held, RATES / time, SHARES)
-        return np.asarray(ratio * np.einsum("nri,ni->nr", rows.jacobian, crept))
+            crept = crept + memory * _left_of_torques(rows, time)
+        return np.asarray(ratio * np.einsum("nri,ni->nr", rows.jacobian, rows.compliance * crept))
 
 
 def crept(rows: LoadState, load: Array, time: float) -> Array:
-    """By how much twists (n, 6) [rad] have crept on, as one Kelvin element of this time [s] does, under these loads and what is
+    """By how much what follows loads (n, k) has crept on, as one Kelvin element of this time [s] does, under these and what is
     left of earlier ones of their visit."""
     held = rows.held
     left = _left_of_earlier(rows, load, held, np.array([1 / time]), np.ones(1))
     return np.asarray(load * -np.expm1(-held / time)[:, None] + left)
 
 
+# Of a loaded pose, whatever springs hold it, what was asked for last, with its time: slopes by the springs ask for the same.
+_LAST: WeakKeyDictionary[Chain, tuple[float, Array]] = WeakKeyDictionary()
+
+
+def _left_of_torques(rows: LoadState, time: float) -> Array:
+    """`_left_of_earlier` of the torques at the springs, in the elements of a logarithm that begins with this time [s]."""
+    kept = _LAST.get(rows.frames)
+    if kept is None or kept[0] != time:
+        kept = _LAST[rows.frames] = time, _left_of_earlier(rows, rows.torque, rows.held, RATES / time, SHARES)
+    return kept[1]
+
+
 def _left_of_earlier(rows: LoadState, load: Array, held: Array, rates: Array, shares: Array) -> Array:
-    """What is still there (n, 6) of what crept under the loads (n, 6) of the visit before each row's own, in elements of these
+    """What is still there (n, k) of what crept under the loads (n, k) of the visit before each row's own, in elements of these
     rates (m,) [1/s] and shares (m,).
 
     An element that stood at z when a load came stands at `load + (z - load) exp(-t / T)` a time t after. Between the reading

@@ -25,8 +25,8 @@ class _GearCreep(AtJoint):
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         i = self.index(joint)
-        load = np.where(np.arange(6) == i, rows.compliance * rows.torque, 0.0)
-        return np.asarray(self.onward * rows.jacobian[:, :, i] * (values[0] * crept(rows, load, values[1])[:, i])[:, None])
+        twist = rows.compliance[i] * crept(rows, rows.torque[:, [i]], values[1])
+        return np.asarray(self.onward * values[0] * rows.jacobian[:, :, i] * twist)
 
 
 class Recovering(_GearCreep):

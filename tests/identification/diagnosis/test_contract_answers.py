@@ -44,6 +44,12 @@ def diagnosed(case: Case, folder: Path, replicates: int = 39) -> Diagnosis:
     return diagnose(*read(case, folder), replicates=replicates)
 
 
+@pytest.fixture(scope="module")
+def rocking(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    """A base that rocks, named."""
+    return diagnosed(simulate(41, "poses20", [Hidden("base_rocking", None, 2.0)]), tmp_path_factory.mktemp("rocking"))
+
+
 @pytest.mark.parametrize(("design", "seed", "kind"), [
     ("poses20", 30, "pair"), ("poses20", 31, "outside"), ("paper5", 31, "pair")])
 def test_answers_do_not_contradict_themselves(design: str, seed: int, kind: str, tmp_path: Path) -> None:
@@ -54,8 +60,8 @@ def test_answers_do_not_contradict_themselves(design: str, seed: int, kind: str,
     assert not [line for line in said if NAME.search(BRACKET.sub("", BRACKET.sub("", line)))]
 
 
-def test_a_contradiction_never_leaves_the_program(tmp_path: Path) -> None:
-    found = diagnosed(simulate(41, "poses20", [Hidden("base_rocking", None, 2.0)]), tmp_path).judgement
+def test_a_contradiction_never_leaves_the_program(rocking: Diagnosis) -> None:
+    found = rocking.judgement
     assert found.verdict == "named"
     for wrong in ({"verdict": "ambiguous"}, {"verdict": "adequate"}, {"causes": ()}, {"withdrawn": {"creep": "no"}},
                   {"verdict": "unknown"}, {"alternatives": found.causes}):
@@ -72,10 +78,9 @@ def test_a_contradiction_never_leaves_the_program(tmp_path: Path) -> None:
         assert [cause.label for cause in back.alternatives][:1] == [found.causes[0].label]
 
 
-def test_a_long_set_of_names_says_how_long_it_is(tmp_path: Path) -> None:
+def test_a_long_set_of_names_says_how_long_it_is(rocking: Diagnosis) -> None:
     """Of eleven eight are printed, six are in the warning and three in the report's first sentence."""
-    cell, rows = read(simulate(41, "poses20", [Hidden("base_rocking", None, 2.0)]), tmp_path)
-    found = diagnose(cell, rows, replicates=39).judgement
+    cell, rows, found = rocking.cell, rocking.measurements, rocking.judgement
     names = tuple(Cause(effects()["bearing_tilt" if joint < 6 else "backlash"], 1 + joint % 6, 0.3 / (1 + joint))
                   for joint in range(11))
     long = Diagnosis(cell, rows, Judgement("ambiguous", found.plain, found.plain, found.detection, alternatives=names))
