@@ -141,7 +141,7 @@ class Procedure:
         judgement = self.judged()
         if judgement.verdict == "mistake":
             return judgement
-        test = bad_visits(judgement.extended, self.seed)
+        test = self.wrong_angles_rather(judgement) or bad_visits(judgement.extended, self.seed)
         if not test.bad:
             test = with_crowded(test, judgement.extended)
         judgement = self.without_bad_visits(judgement, test) if test.bad else self.without_bad_rows(judgement)
@@ -150,6 +150,15 @@ class Procedure:
                 "the readings at more than a third of the poses fit no stiffness that fits the others", *judgement.patterns))
         return replace(judgement, visits=test, suspects=self.suspects(judgement),
                        validation=judge_validation(judgement.extended, self.data, self.seed))
+
+    def wrong_angles_rather(self, judgement: Judgement) -> VisitTest | None:
+        """The visits that do not fit the plain model, where wrong angles there make the rows clearly likelier than the causes
+        that were named or left open do."""
+        if judgement.log_odds is None or judgement.verdict not in ("named", "ambiguous"):
+            return None
+        test = bad_visits(judgement.plain, self.seed)
+        angles = sum(score.wrong_angle.log_odds for score in test.bad if score.wrong_angle is not None)
+        return test if angles > judgement.log_odds + RIVAL else None
 
     def suspects(self, judgement: Judgement) -> tuple[BadVisit, ...]:
         """Visits for which a sensor is named that was bumped there, while something wrong with the whole pose explains their

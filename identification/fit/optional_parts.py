@@ -66,8 +66,8 @@ def possible(noise: NoiseModel) -> tuple[int, ...]:
 
 
 def asked_for(at: Linearised, components: VarianceComponents, beside: Array) -> Way:
-    """The parts that the rows ask for beyond the usual ones; beside (n, 3, m): as in ComponentPosterior, since set-ups that turn
-    the force explain the arm's own weight as well."""
+    """The parts that the rows ask for beyond the usual ones; beside (n, 3, m): as in ComponentPosterior, since set-ups that
+    turn the force explain the arm's own weight as well."""
     plain = float(ComponentPosterior(at, beside).likelihood(components.logs[None])[0])
     asked, set_up = [], SetUp.TURNED
     for part in possible(at.noise):

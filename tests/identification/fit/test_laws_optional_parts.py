@@ -115,7 +115,7 @@ def test_the_way_that_is_asked_for_is_the_one_that_set_ups_follow(kind: SetUp) -
 
 
 def test_what_the_arm_s_weight_does_asks_for_no_turned_set_ups() -> None:
-    """Set-ups that turn the force differently at each pose would explain it as well, with as many numbers as there are poses."""
+    """Set-ups that turn the force otherwise at each pose would explain it as well, with as many numbers as there are poses."""
     rng, model = np.random.default_rng(21), noise()
     in_size = model.setups[:, :, ::4].sum(axis=2, keepdims=True)
     pattern = rng.normal(size=(VISITS, 9, 3))
