@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import read_only
-from identification.fit.held_out import left_out, pose_names, poses
+from identification.fit.held_out import left_out, log_density, pose_names, poses
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import noise_model
 from identification.fit.posterior import Posterior
 
 Array = NDArray[np.float64]
@@ -26,7 +25,8 @@ AT_ONCE = 1_000_000
 @dataclass(frozen=True, eq=False)
 class Gain:
     """RMS [m] over all measured components of rows that were not fitted, plain and extended; interval: 95 % of their ratio,
-    over poses drawn anew; held_out: which rows. support: how much likelier the extended model makes them, ln.
+    over poses drawn anew; held_out: which rows. support: how much likelier the extended model makes them, ln, each model with
+    its own noise and with what is left open of its parameters.
     by_pose (2, poses): RMS [m] before and after of each of `poses`."""
 
     before: float
@@ -55,26 +55,21 @@ def gain(data: LoadTest, plain: Posterior, extended: Posterior, rng: np.random.G
     """The gain on the validate rows where there are any, else by cross-validation: each pose predicted from the others."""
     if data.rows.validate.any():
         kept = data.with_rows(data.rows.select(data.rows.validate))
-        groups, held_out = poses(kept.rows), "validate"
+        groups, held_out, together = poses(kept.rows), "validate", np.zeros(len(kept.rows), dtype=np.intp)
         residuals = [model.residual_of(kept) for model in (plain, extended)]
     else:
         kept = plain.data
-        groups, held_out = poses(kept.rows), "cross-validation by pose"
+        groups, held_out, together = poses(kept.rows), "cross-validation by pose", poses(kept.rows)
         residuals = [left_out(model, groups) for model in (plain, extended)]
-    noise = noise_model(kept, extended.compliance)
-    weights = noise.weights(extended.components)
-
-    def misfit(residual: Array) -> float:
-        whitened = np.einsum("nij,nj->ni", noise.whitening, np.nan_to_num(residual))[:, :, None]
-        return 0.5 * float(weights.inner(whitened, whitened)[0, 0])
-
     squares = np.array([_by_group(residual**2, groups) for residual in residuals])
     counts = _by_group((~np.isnan(kept.rows.deflection)).astype(float), groups)
     before, after = np.sqrt(squares.sum(axis=1) / counts.sum())
     low, high = np.quantile(_ratios(squares, rng), [0.025, 0.975])
     by_pose = np.sqrt(squares / np.maximum(counts, 1))
-    support = misfit(residuals[0]) - misfit(residuals[1])
-    return Gain(float(before), float(after), (float(low), float(high)), held_out, support, by_pose, pose_names(kept.rows))
+    without, with_it = (log_density(model, kept, together, residual)
+                        for model, residual in zip((plain, extended), residuals, strict=True))
+    return Gain(float(before), float(after), (float(low), float(high)), held_out, with_it - without, by_pose,
+                pose_names(kept.rows))
 
 
 def _ratios(squares: Array, rng: np.random.Generator) -> Array:

@@ -1,4 +1,4 @@
-"""Rows that were not fitted: every pose predicted from the others."""
+"""Rows that were not fitted: every pose predicted from the others, and how likely a model makes them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from identification.common.arrays import rms
 from identification.common.findings import CompstiffError
 from identification.fit.fitted_model import predicted_deflection, response
+from identification.fit.load_test import LoadTest
+from identification.fit.noise import OPTIONAL, NoiseModel, noise_model
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import Measurements
 
@@ -63,6 +65,35 @@ def left_out(model: Posterior, groups: NDArray[np.intp]) -> Array:
             if rms(there - along) > NO_SLOPE * max(min(rms(there), rms(along)), sensor):
                 residual[mine] = _fitted_without(model, mine, there)
     return residual
+
+
+def log_density(model: Posterior, data: LoadTest, groups: NDArray[np.intp], residual: Array) -> float:
+    """ln p of rows that were not fitted, but for what models of the same rows have in common. residual (n, 3) [m]: each group's
+    by what the model is without it, as by `left_out`, of its own rows; or all of one group, of other rows. Their noise and what
+    is left open of the parameters then are in it."""
+    fitted = np.array_equal(data.rows.row, model.data.rows.row)
+    noise = model.at_map.noise if fitted else _noise_of(model, data)
+    weights = model.weights if fitted else noise.weights(model.components)
+    design = model.at_map.design if fitted else noise.whitening @ response(data, model.map, model.terms)[1]
+    columns = np.concatenate([design, np.einsum("nij,nj->ni", noise.whitening, np.nan_to_num(residual))[:, :, None]], axis=2)
+    carried, last = weights.apply(columns), design.shape[2]
+    of_groups = np.array([np.einsum("nip,niq->pq", columns[groups == group], carried[groups == group])
+                          for group in range(groups.max() + 1)])
+    information, pull = of_groups[:, :last, :last], of_groups[:, :last, last]
+    # What is known with a group, and without it.
+    known = model.information + model.prior.precision(model.map)
+    after = known if fitted else known + information
+    before = known - information if fitted else known
+    misfit = of_groups[:, last, last] - np.einsum("gp,gp->g", pull, np.linalg.solve(after, pull[:, :, None])[:, :, 0])
+    volume = np.linalg.slogdet(after)[1] - np.linalg.slogdet(before)[1]
+    return float(-0.5 * np.sum(misfit + volume) - 0.5 * weights.log_determinant)
+
+
+def _noise_of(model: Posterior, data: LoadTest) -> NoiseModel:
+    """The noise of other rows than those that were fitted, with the parts that those asked for."""
+    active = model.at_map.noise.active
+    further = [part for part in OPTIONAL if active[part]]
+    return noise_model(data, model.compliance).with_parts(*further, set_up=model.components.set_up)
 
 
 def _fitted_without(model: Posterior, mine: NDArray[np.bool_], otherwise: Array) -> Array:

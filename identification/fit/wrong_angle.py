@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import CompstiffError
+from identification.fit.discrepancy import discrepancies
 from identification.fit.fitted_model import WIDE, Term
 from identification.fit.mistakes.evidence import averaged_evidence, ordinary
 from identification.fit.posterior import Posterior, posterior
@@ -84,6 +85,10 @@ def wrong_angles(fitted: Posterior, visits: NDArray[np.intp], most: int) -> tupl
 def likeliest_wrong_angle(fitted: Posterior, visits: NDArray[np.intp]) -> WrongAngle | None:
     """The likeliest wrong angle at one of these visits (numbers in the rows), None where none is likely enough."""
     found = None
+    try:
+        fitted = _with_free_laws(fitted)
+    except CompstiffError:
+        return None
     for visit, joint, start in _hopeful(fitted, visits):
         try:
             model = posterior(fitted.data, [*fitted.terms, AngleOfVisit(visit).term(joint, start)], fitted)
@@ -93,6 +98,13 @@ def likeliest_wrong_angle(fitted: Posterior, visits: NDArray[np.intp]) -> WrongA
         if odds >= SUPPORT and (found is None or odds > found.log_odds) and _fits(model, visit):
             found = WrongAngle(visit, joint, float(model.likeliest[-1]), float(np.sqrt(model.laplace[-1, -1])), odds)
     return found
+
+
+def _with_free_laws(fitted: Posterior) -> Posterior:
+    """The fit with the laws of the robot's causes free within what real ones differ by: that shows most at some pose."""
+    terms = tuple(replace(term, start=values) for term, values in zip(fitted.terms, fitted.term_values, strict=True))
+    free = discrepancies(fitted.load_state, tuple(term for term in terms if term.effect.of_robot))
+    return posterior(fitted.data, (*terms, *free), fitted) if free else fitted
 
 
 def _fits(model: Posterior, visit: int) -> bool:

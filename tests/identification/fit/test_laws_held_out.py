@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from identification.common.arrays import rms
-from identification.fit.fitted_model import Term
-from identification.fit.held_out import left_out, pose_names, poses
+from identification.fit.fitted_model import Term, response
+from identification.fit.held_out import left_out, log_density, pose_names, poses
 from identification.fit.load_test import LoadTest
+from identification.fit.noise import OPTIONAL, noise_model
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
@@ -64,6 +66,37 @@ def test_a_law_with_corners_is_predicted_in_full(tmp_path) -> None:
         out = groups == number
         rest = posterior(data.with_rows(data.rows.select(~out)), model.terms, model)
         assert rms(held[out]) == pytest.approx(rms(rest.residual_of(data.with_rows(data.rows.select(out)))), rel=0.05), number
+
+
+def test_how_likely_a_pose_is_is_a_normal_density_about_what_the_others_predict(tmp_path) -> None:
+    """Of the rows that were fitted, each pose given the others, and of others that were not: written out in full, with the
+    noise and what is left open of the springs."""
+    cell, rows = simulate(tmp_path, np.random.default_rng(82), poses=5, loads=3, text=NARROW)
+    whole = LoadTest.of(cell, rows)
+    groups = poses(rows)
+    fresh = groups == 4
+    for model in (posterior(whole), posterior(whole.with_rows(rows.select(~fresh)))):
+        fitted = len(model.data.rows) == len(rows)
+        data = whole if fitted else whole.with_rows(rows.select(fresh))
+        noise = noise_model(data, model.compliance).with_parts(
+            *(part for part in OPTIONAL if model.at_map.noise.active[part]), set_up=model.components.set_up)
+        weights = noise.weights(model.components, model.row_weight if fitted else None)
+        size = 3 * len(data.rows)
+        sigma = np.linalg.inv(weights.apply(np.eye(size).reshape(-1, 3, size)).reshape(size, size))
+        design = (noise.whitening @ response(data, model.map)[1]).reshape(size, -1)
+        held = left_out(model, groups) if fitted else model.residual_of(data)
+        residual = np.einsum("nij,nj->ni", noise.whitening, held).ravel()
+        expected = 0.0
+        for group in range(5 if fitted else 1):
+            mine = np.repeat(groups == group, 3) if fitted else np.ones(size, dtype=bool)
+            others = ~mine if fitted else ~np.ones(size, dtype=bool)
+            known = model.information if not fitted else design[others].T @ np.linalg.solve(sigma[np.ix_(others, others)],
+                                                                                           design[others])
+            spread = np.linalg.inv(known + model.prior.precision(model.map))
+            covariance = sigma[np.ix_(mine, mine)] + design[mine] @ spread @ design[mine].T
+            expected += multivariate_normal(np.zeros(mine.sum()), 0.5 * (covariance + covariance.T)).logpdf(residual[mine])
+        told = log_density(model, data, groups if fitted else np.zeros(len(data.rows), dtype=int), held)
+        assert told == pytest.approx(expected + 0.5 * size * np.log(2 * np.pi), abs=1e-3)
 
 
 def predicted(data: LoadTest, model: Posterior) -> np.ndarray:
