@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import read_only
-from identification.fit.held_out import left_out, log_density, pose_names, poses
+from identification.fit.held_out import left_out, log_density, log_density_left_out, pose_names, poses
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import Posterior
 
@@ -55,19 +55,19 @@ def gain(data: LoadTest, plain: Posterior, extended: Posterior, rng: np.random.G
     """The gain on the validate rows where there are any, else by cross-validation: each pose predicted from the others."""
     if data.rows.validate.any():
         kept = data.with_rows(data.rows.select(data.rows.validate))
-        groups, held_out, together = poses(kept.rows), "validate", np.zeros(len(kept.rows), dtype=np.intp)
+        groups, held_out = poses(kept.rows), "validate"
         residuals = [model.residual_of(kept) for model in (plain, extended)]
+        without, with_it = (log_density(model, kept) for model in (plain, extended))
     else:
         kept = plain.data
-        groups, held_out, together = poses(kept.rows), "cross-validation by pose", poses(kept.rows)
+        groups, held_out = poses(kept.rows), "cross-validation by pose"
         residuals = [left_out(model, groups) for model in (plain, extended)]
+        without, with_it = (log_density_left_out(model, groups) for model in (plain, extended))
     squares = np.array([_by_group(residual**2, groups) for residual in residuals])
     counts = _by_group((~np.isnan(kept.rows.deflection)).astype(float), groups)
     before, after = np.sqrt(squares.sum(axis=1) / counts.sum())
     low, high = np.quantile(_ratios(squares, rng), [0.025, 0.975])
     by_pose = np.sqrt(squares / np.maximum(counts, 1))
-    without, with_it = (log_density(model, kept, together, residual)
-                        for model, residual in zip((plain, extended), residuals, strict=True))
     return Gain(float(before), float(after), (float(low), float(high)), held_out, with_it - without, by_pose,
                 pose_names(kept.rows))
 

@@ -11,8 +11,9 @@ from identification.common.arrays import rms
 from identification.common.findings import CompstiffError
 from identification.fit.fitted_model import predicted_deflection, response
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import OPTIONAL, NoiseModel, noise_model
+from identification.fit.noise import OPTIONAL, Weights, noise_model
 from identification.fit.posterior import Posterior, posterior
+from identification.fit.student import log_tails
 from identification.measurements import Measurements
 
 Array = NDArray[np.float64]
@@ -39,9 +40,14 @@ def _names(rows: Measurements) -> NDArray[np.str_]:
 
 
 def left_out(model: Posterior, groups: NDArray[np.intp]) -> Array:
-    """Residual (n, 3) [m] of every row, predicted by the model fitted without the row's group: by one step from its MAP, along
-    the slopes there. With effects that is held against what they do after the step: where a law has a corner, as play, or
-    trades with the springs along a curve, no slope holds, and the fit without the group is done."""
+    """Residual (n, 3) [m] of every row, predicted by the model fitted without the row's group."""
+    return _left_out(model, groups)[0]
+
+
+def _left_out(model: Posterior, groups: NDArray[np.intp]) -> tuple[Array, dict[int, Posterior]]:
+    """The residual by one step from the MAP, along the slopes there. With effects that is held against what they do after the
+    step: where a law has a corner, as play, or trades with the springs along a curve, no slope holds, and the fit without the
+    group is done: those fits by their groups, too."""
     at, prior = model.at_map, model.prior
     position, slope = response(model.data, model.map, model.terms)
     residual = model.data.rows.deflection - position
@@ -55,6 +61,7 @@ def left_out(model: Posterior, groups: NDArray[np.intp]) -> Array:
     step = np.linalg.solve(information.sum(axis=0) - information + precision,
                            (pulled.sum(axis=0) - pulled - prior.gradient(model.map))[:, :, None])[:, :, 0]
     residual = np.asarray(residual - np.einsum("nij,nj->ni", slope, step[groups]))
+    fits: dict[int, Posterior] = {}
     if model.terms:
         sensor = model.components.sensor * rms(model.data.cell.noise.deflection)
         read = np.bincount(groups, ~np.isnan(residual).all(axis=1)) > 0
@@ -63,43 +70,47 @@ def left_out(model: Posterior, groups: NDArray[np.intp]) -> Array:
             rows, along = model.data.with_rows(model.data.rows.select(mine)), residual[mine]
             there = rows.rows.deflection - predicted_deflection(rows, prior.inside(model.map + moved), model.terms)
             if rms(there - along) > NO_SLOPE * max(min(rms(there), rms(along)), sensor):
-                residual[mine] = _fitted_without(model, mine, there)
-    return residual
+                residual[mine] = there
+                try:
+                    fits[int(group)] = posterior(model.data.with_rows(model.data.rows.select(~mine)), model.terms, model)
+                except CompstiffError:
+                    continue
+                residual[mine] = fits[int(group)].residual_of(rows)
+    return residual, fits
 
 
-def log_density(model: Posterior, data: LoadTest, groups: NDArray[np.intp], residual: Array) -> float:
-    """ln p of rows that were not fitted, but for what models of the same rows have in common. residual (n, 3) [m]: each group's
-    by what the model is without it, as by `left_out`, of its own rows; or all of one group, of other rows. Their noise and what
-    is left open of the parameters then are in it."""
-    fitted = np.array_equal(data.rows.row, model.data.rows.row)
-    noise = model.at_map.noise if fitted else _noise_of(model, data)
-    weights = model.weights if fitted else noise.weights(model.components)
-    design = model.at_map.design if fitted else noise.whitening @ response(data, model.map, model.terms)[1]
-    columns = np.concatenate([design, np.einsum("nij,nj->ni", noise.whitening, np.nan_to_num(residual))[:, :, None]], axis=2)
-    carried, last = weights.apply(columns), design.shape[2]
-    of_groups = np.array([np.einsum("nip,niq->pq", columns[groups == group], carried[groups == group])
-                          for group in range(groups.max() + 1)])
-    information, pull = of_groups[:, :last, :last], of_groups[:, :last, last]
-    # What is known with a group, and without it.
+def log_density_left_out(model: Posterior, groups: NDArray[np.intp]) -> float:
+    """ln p of the readings of each group given those of the others, but for what models of the same rows have in common: their
+    noise, what its heavy tails cost and what is left open of the parameters then are in it."""
+    residual, fits = _left_out(model, groups)
+    at, known = model.at_map, model.information + model.prior.precision(model.map)
+    total = log_tails(at.noise, model.components, model.weights, at.residual)
+    for group in range(groups.max() + 1):
+        mine = groups == group
+        if group in fits:
+            total += log_density(fits[group], model.data.with_rows(model.data.rows.select(mine)))
+            continue
+        weights = at.noise.of_rows(mine).weights(model.components, model.row_weight[mine])
+        whitened = np.einsum("nij,nj->ni", at.noise.whitening[mine], np.nan_to_num(residual[mine]))
+        total += _log_normal(weights, at.design[mine], whitened, known - weights.inner(at.design[mine], at.design[mine]))
+    return total
+
+
+def log_density(model: Posterior, data: LoadTest) -> float:
+    """The same of rows that were not fitted, given all that were."""
+    noise, active = noise_model(data, model.compliance), model.at_map.noise.active
+    noise = noise.with_parts(*(part for part in OPTIONAL if active[part]), set_up=model.components.set_up)
+    position, slope = response(data, model.map, model.terms)
+    whitened = np.einsum("nij,nj->ni", noise.whitening, np.nan_to_num(data.rows.deflection - position))
     known = model.information + model.prior.precision(model.map)
-    after = known if fitted else known + information
-    before = known - information if fitted else known
-    misfit = of_groups[:, last, last] - np.einsum("gp,gp->g", pull, np.linalg.solve(after, pull[:, :, None])[:, :, 0])
-    volume = np.linalg.slogdet(after)[1] - np.linalg.slogdet(before)[1]
-    return float(-0.5 * np.sum(misfit + volume) - 0.5 * weights.log_determinant)
+    return _log_normal(noise.weights(model.components), noise.whitening @ slope, whitened, known)
 
 
-def _noise_of(model: Posterior, data: LoadTest) -> NoiseModel:
-    """The noise of other rows than those that were fitted, with the parts that those asked for."""
-    active = model.at_map.noise.active
-    further = [part for part in OPTIONAL if active[part]]
-    return noise_model(data, model.compliance).with_parts(*further, set_up=model.components.set_up)
-
-
-def _fitted_without(model: Posterior, mine: NDArray[np.bool_], otherwise: Array) -> Array:
-    """Residual (m, 3) [m] of the rows `mine` (n,) by a fit to the others; `otherwise` where that does not converge."""
-    try:
-        fitted = posterior(model.data.with_rows(model.data.rows.select(~mine)), model.terms, model)
-    except CompstiffError:
-        return otherwise
-    return fitted.residual_of(model.data.with_rows(model.data.rows.select(mine)))
+def _log_normal(weights: Weights, design: Array, residual: Array, known: Array) -> float:
+    """ln of the normal density of a residual (n, 3) with this noise and parameters known with a precision (p, p), which these
+    rows see by their design (n, 3, p)."""
+    columns = np.concatenate([design, residual[:, :, None]], axis=2)
+    square = weights.inner(columns, columns)
+    pull, after = square[:-1, -1], known + square[:-1, :-1]
+    volume = np.linalg.slogdet(after)[1] - np.linalg.slogdet(known)[1]
+    return float(-0.5 * (square[-1, -1] - pull @ np.linalg.solve(after, pull) + volume + weights.log_determinant))

@@ -114,7 +114,7 @@ class Posterior:
     @cached_property
     def components_covariance(self) -> Array:
         """Covariance (6, 6) of ln of the variance components."""
-        return _read_only(log_covariance(ComponentPosterior(self.at_map, self.beside), self.components))
+        return _read_only(log_covariance(ComponentPosterior(self.at_map), self.components))
 
     @cached_property
     def chi2(self) -> float:
@@ -216,15 +216,15 @@ def posterior(
     for number in range(MAX_ROUNDS):
         before, last_weight = components, row_weight
         noise = model.noise(x).with_parts(*further.parts, set_up=further.set_up)
-        at, beside = model.linearised(noise, row_weight, x), model.beside(noise, x)
-        components = likeliest(ComponentPosterior(at, beside), components)
+        at = model.linearised(noise, row_weight, x)
+        components = likeliest(ComponentPosterior(at), components)
         if number == 1 and not usual_noise:
             # Near enough to the MAP to see whether the rows ask for more than they usually do.
-            further = asked_for(at, components, beside)
+            further = asked_for(at, components, model.beside(noise, x))
             components = replace(components, set_up=further.set_up)
             noise = noise.with_parts(*further.parts, set_up=further.set_up)
             at = replace(at, noise=noise)
-            components = likeliest(ComponentPosterior(at, beside), components) if further.parts else components
+            components = likeliest(ComponentPosterior(at), components) if further.parts else components
         row_weight, degrees = student_weights(noise, components, at.weights(components), at.residual)
         components = replace(components, degrees=degrees)
         weights = noise.weights(components, row_weight)

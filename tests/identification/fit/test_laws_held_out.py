@@ -10,10 +10,11 @@ from scipy.stats import multivariate_normal
 
 from identification.common.arrays import rms
 from identification.fit.fitted_model import Term, response
-from identification.fit.held_out import left_out, log_density, pose_names, poses
+from identification.fit.held_out import left_out, log_density, log_density_left_out, pose_names, poses
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import OPTIONAL, noise_model
 from identification.fit.posterior import Posterior, posterior
+from identification.fit.student import log_tails
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.compliance import equilibrium
@@ -72,31 +73,34 @@ def test_how_likely_a_pose_is_is_a_normal_density_about_what_the_others_predict(
     """Of the rows that were fitted, each pose given the others, and of others that were not: written out in full, with the
     noise and what is left open of the springs."""
     cell, rows = simulate(tmp_path, np.random.default_rng(82), poses=5, loads=3, text=NARROW)
-    whole = LoadTest.of(cell, rows)
-    groups = poses(rows)
+    whole, groups = LoadTest.of(cell, rows), poses(rows)
     fresh = groups == 4
-    for model in (posterior(whole), posterior(whole.with_rows(rows.select(~fresh)))):
-        fitted = len(model.data.rows) == len(rows)
-        data = whole if fitted else whole.with_rows(rows.select(fresh))
-        noise = noise_model(data, model.compliance).with_parts(
-            *(part for part in OPTIONAL if model.at_map.noise.active[part]), set_up=model.components.set_up)
-        weights = noise.weights(model.components, model.row_weight if fitted else None)
-        size = 3 * len(data.rows)
-        sigma = np.linalg.inv(weights.apply(np.eye(size).reshape(-1, 3, size)).reshape(size, size))
-        design = (noise.whitening @ response(data, model.map)[1]).reshape(size, -1)
-        held = left_out(model, groups) if fitted else model.residual_of(data)
-        residual = np.einsum("nij,nj->ni", noise.whitening, held).ravel()
-        expected = 0.0
-        for group in range(5 if fitted else 1):
-            mine = np.repeat(groups == group, 3) if fitted else np.ones(size, dtype=bool)
-            others = ~mine if fitted else ~np.ones(size, dtype=bool)
-            known = model.information if not fitted else design[others].T @ np.linalg.solve(sigma[np.ix_(others, others)],
-                                                                                           design[others])
-            spread = np.linalg.inv(known + model.prior.precision(model.map))
-            covariance = sigma[np.ix_(mine, mine)] + design[mine] @ spread @ design[mine].T
-            expected += multivariate_normal(np.zeros(mine.sum()), 0.5 * (covariance + covariance.T)).logpdf(residual[mine])
-        told = log_density(model, data, groups if fitted else np.zeros(len(data.rows), dtype=int), held)
-        assert told == pytest.approx(expected + 0.5 * size * np.log(2 * np.pi), abs=1e-3)
+    model = posterior(whole)
+    each = [density(model, whole, left_out(model, groups), groups == group) for group in range(5)]
+    tails = log_tails(model.at_map.noise, model.components, model.weights, model.at_map.residual)
+    assert log_density_left_out(model, groups) == pytest.approx(sum(each) + tails, abs=1e-3)
+    model = posterior(whole.with_rows(rows.select(~fresh)))
+    data = whole.with_rows(rows.select(fresh))
+    expected = density(model, data, model.residual_of(data), np.ones(len(data.rows), dtype=bool))
+    assert log_density(model, data) == pytest.approx(expected, abs=1e-3)
+
+
+def density(model: Posterior, data: LoadTest, left: np.ndarray, mine: np.ndarray) -> float:
+    """ln normal density of the rows `mine`, but for its constant: of the fitted ones given the rest of them, or of others."""
+    fitted = data.rows is model.data.rows
+    noise = noise_model(data, model.compliance).with_parts(
+        *(part for part in OPTIONAL if model.at_map.noise.active[part]), set_up=model.components.set_up)
+    weights, size = noise.weights(model.components, model.row_weight if fitted else None), 3 * len(data.rows)
+    sigma = np.linalg.inv(weights.apply(np.eye(size).reshape(-1, 3, size)).reshape(size, size))
+    design = (noise.whitening @ response(data, model.map)[1]).reshape(size, -1)
+    each = np.repeat(mine, 3)
+    others = sigma[np.ix_(~each, ~each)]
+    known = design[~each].T @ np.linalg.solve(others, design[~each]) if fitted else model.information
+    spread = np.linalg.inv(known + model.prior.precision(model.map))
+    covariance = sigma[np.ix_(each, each)] + design[each] @ spread @ design[each].T
+    whitened = np.einsum("nij,nj->ni", noise.whitening, left).ravel()[each]
+    told = multivariate_normal(np.zeros(each.sum()), 0.5 * (covariance + covariance.T)).logpdf(whitened)
+    return float(told + 0.5 * each.sum() * np.log(2 * np.pi))
 
 
 def predicted(data: LoadTest, model: Posterior) -> np.ndarray:
