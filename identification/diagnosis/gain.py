@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import read_only
-from identification.fit.held_out import left_out, log_density, log_density_left_out, pose_names, poses
+from identification.fit.held_out import left_out, log_density_left_out, pose_names, poses
 from identification.fit.load_test import LoadTest
+from identification.fit.noise import noise_model
 from identification.fit.posterior import Posterior
 
 Array = NDArray[np.float64]
@@ -25,8 +26,8 @@ AT_ONCE = 1_000_000
 @dataclass(frozen=True, eq=False)
 class Gain:
     """RMS [m] over all measured components of rows that were not fitted, plain and extended; interval: 95 % of their ratio,
-    over poses drawn anew; held_out: which rows. support: how much likelier the extended model makes them, ln, each model with
-    its own noise and with what is left open of its parameters.
+    over poses drawn anew; held_out: which rows. support: how much likelier the extended model makes them, ln: each model
+    with its own noise and what is left open of its parameters, or on validate rows both by the noise of the extended one.
     by_pose (2, poses): RMS [m] before and after of each of `poses`."""
 
     before: float
@@ -57,19 +58,27 @@ def gain(data: LoadTest, plain: Posterior, extended: Posterior, rng: np.random.G
         kept = data.with_rows(data.rows.select(data.rows.validate))
         groups, held_out = poses(kept.rows), "validate"
         residuals = [model.residual_of(kept) for model in (plain, extended)]
-        without, with_it = (log_density(model, kept) for model in (plain, extended))
+        support = _misfit(extended, kept, residuals[0]) - _misfit(extended, kept, residuals[1])
     else:
         kept = plain.data
         groups, held_out = poses(kept.rows), "cross-validation by pose"
         residuals = [left_out(model, groups) for model in (plain, extended)]
         without, with_it = (log_density_left_out(model, groups) for model in (plain, extended))
+        support = with_it - without
     squares = np.array([_by_group(residual**2, groups) for residual in residuals])
     counts = _by_group((~np.isnan(kept.rows.deflection)).astype(float), groups)
     before, after = np.sqrt(squares.sum(axis=1) / counts.sum())
     low, high = np.quantile(_ratios(squares, rng), [0.025, 0.975])
     by_pose = np.sqrt(squares / np.maximum(counts, 1))
-    return Gain(float(before), float(after), (float(low), float(high)), held_out, with_it - without, by_pose,
-                pose_names(kept.rows))
+    return Gain(float(before), float(after), (float(low), float(high)), held_out, support, by_pose, pose_names(kept.rows))
+
+
+def _misfit(model: Posterior, data: LoadTest, residual: Array) -> float:
+    """Half the chi-squared of a residual (n, 3) [m] of rows that were not fitted, by the noise of this model: no tails were
+    weighed there, and an outlier would speak against whichever model has the smaller noise."""
+    noise = noise_model(data, model.compliance)
+    whitened = np.einsum("nij,nj->ni", noise.whitening, np.nan_to_num(residual))[:, :, None]
+    return 0.5 * float(noise.weights(model.components).inner(whitened, whitened)[0, 0])
 
 
 def _ratios(squares: Array, rng: np.random.Generator) -> Array:

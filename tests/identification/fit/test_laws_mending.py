@@ -23,7 +23,7 @@ def test_a_slip_is_told_that_is_likely_and_fits(
 ) -> None:
     """A twentieth among all and "none of them" (ln likelihood 0), and a misfit that chance makes in one of a thousand."""
     slips = [Slip(f"kind {k}", f"slip {k}", np.zeros(6)) for k in range(3)]
-    visit = SimpleNamespace(expected=None, anything=lambda: 0.0, directions=3,
+    visit = SimpleNamespace(expected=None, anything=lambda: 0.0, directions=3, angles_off=list,
                             judged=lambda slips: (np.array(weight), np.array(fits)))
     monkeypatch.setattr(mending, "slips_of", lambda *of: iter(slips))
     monkeypatch.setattr(mending, "_new", lambda *of: True)
