@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import read_only
-from identification.fit.held_out import left_out, log_density_left_out, pose_names, poses
+from identification.fit.held_out import left_out_with_density, pose_names, poses
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import noise_model
 from identification.fit.posterior import Posterior
@@ -62,9 +62,8 @@ def gain(data: LoadTest, plain: Posterior, extended: Posterior, rng: np.random.G
     else:
         kept = plain.data
         groups, held_out = poses(kept.rows), "cross-validation by pose"
-        residuals = [left_out(model, groups) for model in (plain, extended)]
-        without, with_it = (log_density_left_out(model, groups) for model in (plain, extended))
-        support = with_it - without
+        without, with_it = (left_out_with_density(model, groups) for model in (plain, extended))
+        residuals, support = [without[0], with_it[0]], with_it[1] - without[1]
     squares = np.array([_by_group(residual**2, groups) for residual in residuals])
     counts = _by_group((~np.isnan(kept.rows.deflection)).astype(float), groups)
     before, after = np.sqrt(squares.sum(axis=1) / counts.sum())

@@ -79,9 +79,9 @@ def _left_out(model: Posterior, groups: NDArray[np.intp]) -> tuple[Array, dict[i
     return residual, fits
 
 
-def log_density_left_out(model: Posterior, groups: NDArray[np.intp]) -> float:
-    """ln p of the readings of each group given those of the others, but for what models of the same rows have in common: their
-    noise, what its heavy tails cost and what is left open of the parameters then are in it."""
+def left_out_with_density(model: Posterior, groups: NDArray[np.intp]) -> tuple[Array, float]:
+    """The residual of `left_out`, and ln p of the readings of each group given those of the others, but for what models of the
+    same rows have in common: their noise, what its heavy tails cost and what is left open of the parameters are in it."""
     residual, fits = _left_out(model, groups)
     at, known = model.at_map, model.information + model.prior.precision(model.map)
     total = log_tails(at.noise, model.components, model.weights, at.residual)
@@ -93,11 +93,11 @@ def log_density_left_out(model: Posterior, groups: NDArray[np.intp]) -> float:
         weights = at.noise.of_rows(mine).weights(model.components, model.row_weight[mine])
         whitened = np.einsum("nij,nj->ni", at.noise.whitening[mine], np.nan_to_num(residual[mine]))
         total += _log_normal(weights, at.design[mine], whitened, known - weights.inner(at.design[mine], at.design[mine]))
-    return total
+    return residual, total
 
 
 def log_density(model: Posterior, data: LoadTest) -> float:
-    """The same of rows that were not fitted, given all that were."""
+    """ln p of rows that were not fitted, given all that were, as in `left_out_with_density`."""
     noise, active = noise_model(data, model.compliance), model.at_map.noise.active
     noise = noise.with_parts(*(part for part in OPTIONAL if active[part]), set_up=model.components.set_up)
     position, slope = response(data, model.map, model.terms)

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 
 from identification.common.arrays import rms
 from identification.fit.fitted_model import Term, response
-from identification.fit.held_out import left_out, log_density, log_density_left_out, pose_names, poses
+from identification.fit.held_out import left_out, left_out_with_density, log_density, pose_names, poses
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import OPTIONAL, noise_model
 from identification.fit.posterior import Posterior, posterior
@@ -78,7 +78,7 @@ def test_how_likely_a_pose_is_is_a_normal_density_about_what_the_others_predict(
     model = posterior(whole)
     each = [density(model, whole, left_out(model, groups), groups == group) for group in range(5)]
     tails = log_tails(model.at_map.noise, model.components, model.weights, model.at_map.residual)
-    assert log_density_left_out(model, groups) == pytest.approx(sum(each) + tails, abs=1e-3)
+    assert left_out_with_density(model, groups)[1] == pytest.approx(sum(each) + tails, abs=1e-3)
     model = posterior(whole.with_rows(rows.select(~fresh)))
     data = whole.with_rows(rows.select(fresh))
     expected = density(model, data, model.residual_of(data), np.ones(len(data.rows), dtype=bool))
