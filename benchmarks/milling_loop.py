@@ -330,7 +330,7 @@ def main() -> None:
     parser.add_argument("--only", choices=["plain", "spacing", "hidden"])
     parser.add_argument("--jobs", nargs="*", default=list(FIVE), choices=list(JOBS))
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--few", action="store_true", help="The rows of docs/benchmarks.md alone.")
+    parser.add_argument("--few", action="store_true", help="The rows of docs/benchmarks/parts.md alone.")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     options = parser.parse_args()
     wanted = {name: float(value) for name, _, value in (each.partition("=") for each in options.set)}

@@ -25,14 +25,14 @@ from identification.common.arrays import Array, read_only
 # Bins of the coarse search at most, and of the fine one: so many, more where a program has so many stretches that as many bins
 # each are more, which its leads and the air between them are seen by; and never more than the last, so that memory is bounded.
 COARSE, FINE, BINS_A_STRETCH, FINEST = 1000, 3000, 12, 40_000
-# The smallest score, and share of the force's variance explained, that are believed (docs/benchmarks.md: logs of the right
-# program score 26 and more, others 5 at most). Where the program stood still for longer than stretches may slip, several are
-# odd.
+# The smallest score, and share of the force's variance explained, that are believed (docs/benchmarks/forces.md: logs of the
+# right program score 26 and more, others 5 at most). Where the program stood still for longer than stretches may slip, several
+# are odd.
 LOWEST_SCORE, LOWEST_SHARE, MOST_ODD = 15.0, 0.5, 1
 # Of what a single plateau of force leaves unexplained the program explains at least this share. On the program's air moves the
 # force (RMS) is at most this share of that on its cuts, and 1 sigma of the place on its cuts at most this [m], a tool's radius:
 # over more, entries and corners are not told from what lies between them (engineering judgement; right logs have 0.8, 0.1 and
-# 5 mm or better, docs/benchmarks.md).
+# 5 mm or better, docs/benchmarks/forces.md).
 BEYOND_PLATEAU, MOST_IN_AIR, MOST_SPREAD = 0.5, 0.25, 10e-3
 # A log that begins and ends inside the program has less to tell it from others: it must be of this share of it. All three logs
 # of other rasters that were placed once were of less than half (benchmarks/foreign_logs.py, seed 41).

@@ -7,7 +7,7 @@ displacement is itself smooth over the places: remainder and set-up together are
 the time and are not, and smooth errors go with the time as the path does: made orthogonal to the drift, the remainder could not
 be a stretch of the work space along the path, and what acts with the force was taken for it. The springs have a prior of their
 own, the load test's, and columns that follow the force. So drift and springs are weighed against the remainder together;
-docs/benchmarks.md has what it costs to make it orthogonal to them.
+docs/benchmarks/parts.md has what it costs to make it orthogonal to them.
 """
 
 from __future__ import annotations

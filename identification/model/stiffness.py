@@ -36,7 +36,7 @@ NORMAL_97_5 = 1.959963984540054
 # no `links`. Engineering judgement: 0.1 to 0.4 % on the IRB 6660 of the tests, part of which the springs take up.
 UNKNOWN_WEIGHT = 2e-3
 # How far a named effect's real law is off the dictionary's where nothing was measured, in shares of what the effect adds: 1
-# sigma. Engineering judgement: 3 to 10 % for beams, bearings, couplings and gears of other laws (docs/benchmarks.md).
+# sigma. Engineering judgement: 3 to 10 % for beams, bearings, couplings and gears of other laws (docs/benchmarks/diagnosis.md).
 UNKNOWN_LAW = 0.05
 
 

@@ -19,7 +19,7 @@ from tests.virtual_cell.files import PRIOR
 from tests.virtual_cell.milled_part import PLACES, SLOT_DEPTH, slot_and_pocket
 from tests.virtual_cell.milling import Pass, Sensor
 
-# How the force on the wall follows the tool [N/m], over robots (docs/benchmarks.md).
+# How the force on the wall follows the tool [N/m], over robots (docs/benchmarks/parts.md).
 WALL = 25e3
 # Linear-edge coefficients of a carbon steel, rounded (Altintas, Manufacturing Automation, ch. 2).
 STEEL = EndMill(shear_n_mm2=(1800.0, 700.0, 300.0), edge_n_mm=(25.0, 40.0, 2.0), spindle_rpm=4500.0, feed_mm_s=18.0)
