@@ -1,8 +1,8 @@
 """Asks the program about the sixth world's cases: `python benchmarks/sixth_judge.py FOLDER [FIRST LAST]`.
 
 One line a case: what was hidden, by how many sigmas it shows, how good the answer is, and how many of the six true stiffnesses
-lie in its 95 % intervals. RIGHT and HALF were written after the world was frozen, from the program's own words for its names, and
-before any answer was seen. An answer.json that lies in a case's folder is graded without asking again.
+lie in its 95 % intervals. RIGHT and HALF were written after the world was frozen, from the program's own words for its names,
+and before any answer was seen. An answer.json that lies in a case's folder is graded without asking again.
 """
 
 from __future__ import annotations
