@@ -128,7 +128,8 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
     cell, robot = (robot, robot.robot) if isinstance(robot, Cell) else (None, robot)
     count = len(table)
     nothing = np.full(count, np.nan)
-    time = table.numbers.get("time_s", nothing)
+    reference = run_numbers(table.texts.get("reference", np.full(count, "", dtype=object)))
+    time = running(table.numbers.get("time_s", nothing), reference)
     theta = np.radians(table.stack(*JOINTS))
     moment = np.column_stack([table.numbers.get(name, np.zeros(count)) for name in MOMENTS])
     wrench = np.concatenate([_forces(table, cell), moment], axis=1)
@@ -145,10 +146,10 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
     return Measurements(
         source=table.source, theta=theta, wrench=wrench, deflection=deflection, sigma=sigma,
         time=time, dwell=table.numbers.get("dwell_s", nothing),
-        visit=_visits(table, theta), reference=run_numbers(table.texts.get("reference", np.full(count, "", dtype=object))),
+        visit=_visits(table, theta), reference=reference,
         validate=purpose == "validate", machined_pass=table.texts.get("pass", np.full(count, "", dtype=object)),
         pose=table.texts.get("pose", np.full(count, "", dtype=object)), row=np.arange(1, count + 1), line=table.line,
-        findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table),
+        findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table, reference),
                        *_slow(table), *([] if planned else _repeated(table, wrench, deflection, _visits(table, theta))),
                        *_not_moved(table, wrench, deflection)]),
         sha256=sha256(file), began=_began(time), hung=~np.isnan(table.numbers[MASS]) if MASS in table.numbers else None)
@@ -214,14 +215,39 @@ def _not_measured(table: Table, deflection: Array) -> list[Finding]:
                     "measured", file=table.source)] if empty else []
 
 
-def _backwards(table: Table) -> list[Finding]:
-    """Time that runs backwards within one reference."""
-    back = np.diff(table.numbers.get("time_s", np.zeros(len(table)))) < 0
-    if "reference" in table.texts or not back.any():
+def running(time: Array, reference: NDArray[np.intp]) -> Array:
+    """Times (N,) [s] that run on from row to row. Where the clock stands no later at the first row of a reference (N,) than at
+    the last one of the reference before, it began anew with the zero reading, right after that row."""
+    first = np.flatnonzero(_anew(time, reference))
+    later = np.zeros(len(time))
+    later[first] = time[first - 1]
+    return np.asarray(time + np.cumsum(later))
+
+
+def _anew(time: Array, reference: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """The rows (N,) at which the clock begins anew, with a reference."""
+    return np.append(False, (np.diff(reference) != 0) & (np.diff(time) <= 0))[:len(time)]
+
+
+def _backwards(table: Table, reference: NDArray[np.intp]) -> list[Finding]:
+    """Time that runs backwards within one reference (N,), or begins anew with a new one."""
+    if "time_s" not in table.numbers:
         return []
-    return [Finding("CS1008", "warning", "time_s runs backwards although rows stand in the order they were taken",
-                    file=table.source, line=int(table.line[int(np.argmax(back)) + 1]),
-                    hint="a new reading of the unloaded reference needs a new id in the column 'reference'")]
+    time = table.numbers["time_s"]
+    back, anew = np.append(False, (np.diff(time) < 0) & (np.diff(reference) == 0))[:len(time)], _anew(time, reference)
+    found = []
+    if back.any():
+        found.append(Finding(
+            "CS1008", "warning", "time_s runs backwards although rows stand in the order they were taken", file=table.source,
+            line=int(table.line[int(np.argmax(back))]), column=table.column("time_s"),
+            hint="a new reading of the unloaded reference needs a new id in the column 'reference'"))
+    if anew.any():
+        found.append(Finding(
+            "CS1028", "note", f"time_s begins anew at {np.count_nonzero(anew)} of {reference.max()} later references: each was "
+            "taken to follow right after the reading before it", file=table.source, line=int(table.line[int(np.argmax(anew))]),
+            column=table.column("time_s"), hint="let time_s run on over the whole measurement: what warms up or drifts from one "
+            "visit to the next is told by it"))
+    return found
 
 
 def _slow(table: Table) -> list[Finding]:

@@ -214,3 +214,25 @@ def test_a_header_alone_is_an_empty_sheet(tmp_path, text):
         read_measurements(tmp_path / "measurements.csv", robot())
     assert (stopped.value.findings[0].code, "0 rows" in stopped.value.findings[0].message) == ("CS1005", True)
     assert "the sheet is empty" in stopped.value.findings[0].hint
+
+
+def timed(folder: Path, *times: tuple[float, str]):
+    """Rows with these times and references, and the codes of what is said of the file."""
+    rows = read(folder, f"{HEADER},time_s,reference", *(f"{ROW.replace('1.5', str(n))},{time:g},{reference}"
+                                                        for n, (time, reference) in enumerate(times)))
+    return rows, [finding.code for finding in rows.findings]
+
+
+@pytest.mark.parametrize(("times", "running", "said"), [
+    # From each zero reading; over the whole measurement; over each of two days; each visit of one reading.
+    ([(40, "A"), (80, "A"), (40, "B"), (90, "B"), (30, "C")], [40, 80, 120, 170, 200], ["CS1028"]),
+    ([(40, "A"), (80, "A"), (140, "B"), (190, "B"), (250, "C")], [40, 80, 140, 190, 250], []),
+    ([(40, "A"), (80, "A"), (140, "B"), (20, "C"), (60, "D")], [40, 80, 140, 160, 200], ["CS1028"]),
+    ([(40, "A"), (40, "B"), (40, "C"), (40, "D"), (40, "E")], [40, 80, 120, 160, 200], ["CS1028"]),
+    # Within a reference that is a mistake, and stays as it is written.
+    ([(40, "A"), (20, "A"), (60, "A"), (90, "B"), (120, "B")], [40, 20, 60, 90, 120], ["CS1008"]),
+])
+def test_time_runs_on_where_the_clock_begins_anew(tmp_path: Path, times, running, said) -> None:
+    rows, codes = timed(tmp_path, *times)
+    assert_allclose(rows.time, running)
+    assert codes == said
