@@ -245,8 +245,8 @@ def _backwards(table: Table, reference: NDArray[np.intp]) -> list[Finding]:
         found.append(Finding(
             "CS1028", "note", f"time_s begins anew at {np.count_nonzero(anew)} of {reference.max()} later references: each was "
             "taken to follow right after the reading before it", file=table.source, line=int(table.line[int(np.argmax(anew))]),
-            column=table.column("time_s"), hint="let time_s run on over the whole measurement: what warms up or drifts from one "
-            "visit to the next is told by it"))
+            column=table.column("time_s"), hint="let time_s run on over the whole measurement: what warms up or drifts from "
+            "one visit to the next is told by it"))
     return found
 
 

@@ -9,10 +9,11 @@ from typing import Any
 from identification.common.findings import Finding
 from identification.diagnosis.detect import REPLICATES
 from identification.diagnosis.extended_model import extended_model
+from identification.diagnosis.in_words import answer, judgement_findings
 from identification.diagnosis.judgement import Cause, Judgement, Verdict
 from identification.diagnosis.mended import MendedFile, mended_file
 from identification.diagnosis.procedure import ALARM, judge
-from identification.diagnosis.record import answer, judgement_findings, record
+from identification.diagnosis.record import record
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel

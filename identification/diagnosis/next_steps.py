@@ -5,7 +5,8 @@ from __future__ import annotations
 from identification.common.command_line import call
 from identification.common.report import Step
 from identification.diagnosis.diagnose import Diagnosis
-from identification.diagnosis.record import MOST_CHECKS, checks_of, next_measurements
+from identification.diagnosis.in_words import MOST_CHECKS
+from identification.diagnosis.record import checks_of, next_measurements
 from identification.model.controller import runs_rapid, use_of_stiffnesses
 
 

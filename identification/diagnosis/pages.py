@@ -16,10 +16,11 @@ from identification.common.report import Key, Page, ReportTable, Verdict, View, 
 from identification.diagnosis.arm_drawing import arm_drawing, sound_arm
 from identification.diagnosis.diagnose import Diagnosis
 from identification.diagnosis.gain import Gain
+from identification.diagnosis.in_words import no_cause, value
 from identification.diagnosis.judgement import Judgement
 from identification.diagnosis.next_steps import steps_of
 from identification.diagnosis.procedure import ALARM
-from identification.diagnosis.record import checks_of, next_words, value
+from identification.diagnosis.record import checks_of, next_words
 from identification.fit.held_out import pose_names, poses
 from identification.measurements import Measurements
 from identification.model.effects_in_force import EFFECTS, added
@@ -77,7 +78,7 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
                        f"{1e6 * mistake.before:.1f} µm RMS as it stands, to {1e6 * mistake.after:.1f} µm with it mended.")
     if diagnosis.verdict == "unknown":
         seen = f": {'; '.join(judgement.patterns[:2])}" if judgement.patterns else ""
-        return Verdict("bad", "UNKNOWN", f"Something is wrong that no cause in the dictionary explains{seen}. Nothing is "
+        return Verdict("bad", "UNKNOWN", f"Something is wrong{no_cause(judgement)}{seen}. Nothing is "
                        f"corrected for it. {sizes[0].upper()}{sizes[1:]} as estimated from the same rows.")
     if diagnosis.verdict == "ambiguous":
         more = len(judgement.alternatives[3:])

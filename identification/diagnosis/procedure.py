@@ -41,13 +41,14 @@ from identification.diagnosis.power import showing
 from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.share import share_of
 from identification.diagnosis.slight import no_names, of_nothing, without_slight
+from identification.diagnosis.slips_rather import slips_rather, suspects, wrong_angles_rather
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.bad_visits import bad_visits
 from identification.fit.load_test import LoadTest
-from identification.fit.mending import BadVisit, with_mends
+from identification.fit.mending import with_mends
 from identification.fit.misfit import GRANTED, beyond_stated, far_off
 from identification.fit.mistakes.judge import RIVAL, Mistakes, beyond_the_fit, fitted_or_mistaken, mistakes_in
-from identification.fit.posterior import Posterior, posterior
+from identification.fit.posterior import Posterior
 from identification.fit.validation import judge_validation
 from identification.fit.visits import VisitTest
 from identification.measurements import Measurements
@@ -141,36 +142,16 @@ class Procedure:
         judgement = self.judged()
         if judgement.verdict == "mistake":
             return judgement
-        test = self.wrong_angles_rather(judgement) or bad_visits(judgement.extended, self.seed)
+        test = (wrong_angles_rather(judgement, self.seed) or slips_rather(judgement, self.seed)
+                or bad_visits(judgement.extended, self.seed))
         if not test.bad:
             test = with_crowded(test, judgement.extended)
         judgement = self.without_bad_visits(judgement, test) if test.bad else self.without_bad_rows(judgement)
         if judgement.verdict == "adequate" and test.too_many:
             judgement = replace(judgement, verdict="unknown", patterns=(
                 "the readings at more than a third of the poses fit no stiffness that fits the others", *judgement.patterns))
-        return replace(judgement, visits=test, suspects=self.suspects(judgement),
+        return replace(judgement, visits=test, suspects=suspects(judgement, self.seed),
                        validation=judge_validation(judgement.extended, self.data, self.seed))
-
-    def wrong_angles_rather(self, judgement: Judgement) -> VisitTest | None:
-        """The visits that do not fit the plain model, where wrong angles there make the rows clearly likelier than the causes
-        that were named or left open do."""
-        if judgement.log_odds is None or judgement.verdict not in ("named", "ambiguous"):
-            return None
-        test = bad_visits(judgement.plain, self.seed)
-        angles = sum(score.wrong_angle.log_odds for score in test.bad if score.wrong_angle is not None)
-        return test if angles > judgement.log_odds + RIVAL else None
-
-    def suspects(self, judgement: Judgement) -> tuple[BadVisit, ...]:
-        """Visits for which a sensor is named that was bumped there, while something wrong with the whole pose explains their
-        readings as well."""
-        local = {str(term.effect.where["pose"]) for term in judgement.extended.terms if "pose" in term.effect.where}
-        if not local or judgement.verdict not in ("named", "ambiguous"):
-            return ()
-        others = [term for term in judgement.extended.terms if "pose" not in term.effect.where]
-        test = bad_visits(posterior(judgement.extended.data, others, judgement.extended), self.seed)
-        if test.rest is None:
-            return ()
-        return tuple(bad for bad in with_mends(test, test.rest, judgement.rows) if bad.score.name in local)
 
     def without_bad_visits(self, judgement: Judgement, test: VisitTest) -> Judgement:
         """The judgement of the other visits; of all of them where those have a name and the others have none."""

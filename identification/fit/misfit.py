@@ -54,6 +54,8 @@ GRANTED_AFTER_NAMING, GRANTED, ONE_SIDED_95 = 3.0, 4.0, 1.645
 # alike by more than 0.86 follow something that happens while a pose is measured; and re-seating of 30 um, or a force that is
 # 5 % off from row to row, is something that whoever measures knows of.
 UNSTATED_GRANTED = {SETUP: 25.0, MEMORY: 60.0, OFFSET: 10.0, FORCE: 10.0}
+# Set-ups of forces whose relative error is stated are held to that too, but for half a degree, which no data sheet knows.
+HALF_A_DEGREE = 10.0
 # What a sensor remembers matters to nobody where it scatters by less than this share of what is stated.
 WORTH_REMEMBERING = 0.1
 PARTS = {SENSOR: "sensor noise", FORCE: "force error", ABSOLUTE: "absolute force error", OFFSET: "re-seating",
@@ -175,6 +177,9 @@ def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:
     noise, multiples, log_std = fitted.at_map.noise, fitted.components.values, fitted.components_log_std
     allowed = {part: granted for part in PARTS if noise.stated[part]}
     allowed |= {part: most for part, most in UNSTATED_GRANTED.items() if noise.active[part] and not noise.stated[part]}
+    of_forces = fitted.data.cell.noise
+    if SETUP in allowed and of_forces.force_relative_stated:
+        allowed[SETUP] = min(allowed[SETUP], max(granted * of_forces.force_relative / USUAL_SETUP, HALF_A_DEGREE))
     if multiples[0] < WORTH_REMEMBERING:
         allowed.pop(MEMORY, None)
     names = [PARTS if stated else UNSTATED for stated in noise.stated]
