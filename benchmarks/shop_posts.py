@@ -94,7 +94,7 @@ def write(style: str, job: dict, rng: np.random.Generator) -> dict[str, bytes]:
     if style == "offs":
         head.append(f"CONST robtarget pRef:={pen.target(ref['place'], ref['quat'], ref['conf'])};")
     if style == "routine":
-        cut = next(s for s in steps if s["cut"])
+        cut = next(s for s in steps if s["cut"] and s["kind"] == "L")
         procs += ["LOCAL PROC Cut(robtarget pTo)", f"{t}{pen.move(dict(cut, zone='z0'), 'pTo')}", "ENDPROC", ""]
     array: list[str] = []
     for i, s in enumerate(steps):
