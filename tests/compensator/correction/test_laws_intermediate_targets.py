@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from compensator.correction import intermediate_targets
+from compensator.correction.before_touch import air_beside
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.fine_grid import _around, fine_grid
@@ -238,6 +239,20 @@ def test_a_touch_close_behind_a_target_in_the_air_is_not_cut_before(tmp_path: Pa
     assert off[cut == second] > 0.95 * full
     assert second < touch + 1.0
     assert first < second
+
+
+@pytest.mark.parametrize(("scatter", "air"), [(8e-6, 0.0), (1e-6, 1 / 18)])
+def test_a_force_that_fades_into_the_scatter_is_no_touch(scatter: float, air: float) -> None:
+    """At the end of a cut it falls under what the log shows in air before it is none: one piece of the eighteen to the last
+    target with force, where the line is off by 20 um. (For these that target was held back by 0.3 mm.)"""
+    share = np.append(np.linspace(1, 0, 18), [0.0, 0.0])
+    forced, points = share > 0, np.arange(len(share))
+    forces = SimpleNamespace(forced=forced, samples=np.ones(len(share), dtype=int))
+    fine: Any = SimpleNamespace(forces=forces, path=SimpleNamespace(length=0.25e-3 * points), targets=points,
+                                prediction=SimpleNamespace(position=np.outer(share, [0.0, 0.36e-3, 0.0])))
+    looked_at: Any = SimpleNamespace(at=np.array([0, 18, 19]), number=np.array([4, 5, 6]), fine=fine,
+                                     noise=np.full(len(share), scatter))
+    assert air_beside(looked_at, np.array([4])) == pytest.approx([air])
 
 
 def test_the_tare_names_targets_of_the_program_given(tmp_path: Path) -> None:
