@@ -4,8 +4,9 @@ A target in the air is not moved, and mostly one is added where the tool touches
 of its own that stands nearer to that place than two targets may, none can be, and the line to the first corrected target begins
 in the air: there the tool is off the plan by its correction, into the stock, where it had stood on the plan without. Where that
 is by more than the tolerance, where the log last shows air, the first corrected target, or the last, goes so far only that it
-is by one sigma of the target's own deviation; what the target does not get is left as stock until the next one. With a part
-learned the tool stood off the plan in the air too, and the line takes it nearer: nothing is held then.
+is by one sigma of the target's own deviation; what the target does not get is left as stock until the next one. What the
+scatter of the log explains there is no air for certain: a force that fades falls under what the log shows before it is none.
+With a part learned the tool stood off the plan in the air too, and the line takes it nearer: nothing is held then.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.grid_forces import place_of
 from compensator.correction.intermediate_targets import LookedAt
+from compensator.correction.needed_targets import SIGMAS
 from compensator.correction.restraint import TINY
 from identification.common.arrays import Array
 
@@ -23,7 +25,8 @@ Indices = NDArray[np.intp]
 
 def air_beside(looked_at: LookedAt | None, targets: Indices) -> Array:
     """At the corrected targets (M,) of the program: which share of the way from a neighbour in the air the log shows to be
-    air, the larger of both sides; 0 beside no air, and where nothing was looked at."""
+    air, the larger of both sides; 0 beside no air, where the line is off there by no more than the log's scatter explains, and
+    where nothing was looked at."""
     share = np.zeros(len(targets))
     if looked_at is None:
         return share
@@ -31,6 +34,8 @@ def air_beside(looked_at: LookedAt | None, targets: Indices) -> Array:
     placed, place = looked_at.fine.forces, place_of(looked_at.fine.path)
     air = ~placed.forced & (placed.samples > 0)
     corrected = np.isin(number, targets)
+    yields = np.zeros(len(place))
+    yields[looked_at.fine.targets] = np.linalg.norm(looked_at.fine.prediction.position, axis=1)
     for side, beside in ((1, -1), (-1, 1)):     # air behind a target's back, and before it
         here = np.flatnonzero(corrected)
         other = here + beside
@@ -40,8 +45,9 @@ def air_beside(looked_at: LookedAt | None, targets: Indices) -> Array:
             way = np.arange(at[from_air], at[one] + side, side)
             last = way[int(np.argmin(np.append(air[way[:-1]], False))) - 1]
             q = abs(place[last] - place[way[0]]) / max(abs(place[way[-1]] - place[way[0]]), TINY)
-            row = int(np.searchsorted(targets, number[one]))
-            share[row] = max(share[row], q)
+            if q * yields[at[one]] > SIGMAS * looked_at.noise[last]:
+                row = int(np.searchsorted(targets, number[one]))
+                share[row] = max(share[row], q)
     return share
 
 

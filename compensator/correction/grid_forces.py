@@ -15,6 +15,7 @@ from compensator.correction.predict import Predicted
 from compensator.forces.placement import TargetForces, place_forces
 from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
+from compensator.toolpath import Move
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -33,7 +34,10 @@ def forces_on(planned: Predicted, fine: RobotPath, grid: Grid, closest: Array) -
         # The tare was judged on the program itself.
         placed = place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air], trust_tare=True)
         placed = _without_short_gaps(_centred(placed, fine), place_of(fine), closest)
-        return _between_samples(placed, place_of(fine), kept[forces.forced[grid.targets]])
+        of_arc = grid.further & np.isin(planned.path.toolpath.move[grid.owner], (Move.ARC_VIA, Move.ARC_END))
+        of_cut = np.zeros(len(grid.owner), dtype=bool)
+        of_cut[kept[forces.forced[grid.targets]]] = True
+        return _between_samples(placed, place_of(fine), np.flatnonzero(of_cut | of_arc))
     own = ~grid.further
     number = np.interp(np.arange(len(own)), kept, np.arange(len(kept)))
     before = np.floor(number).astype(np.intp)
@@ -85,11 +89,12 @@ def _without_short_gaps(placed: TargetForces, place: Array, closest: Array) -> T
     return replace(placed, wrench=wrench, forced=placed.forced | inside)
 
 
-def _between_samples(placed: TargetForces, place: Array, own: Indices) -> TargetForces:
-    """The program's targets with force `own` (n,) on whose own short piece no sample lies, as between two of a slow log: they
-    get what lies between the sampled points before and behind them, where either has a force."""
+def _between_samples(placed: TargetForces, place: Array, stay: Indices) -> TargetForces:
+    """Points `stay` (n,) on whose own short piece no sample lies, as between two of a slow log: the program's targets with
+    force, and points of arcs, which are halved wherever the samples lie. They get what lies between the sampled points before
+    and behind them, where either has a force."""
     sampled = np.flatnonzero(placed.samples > 0)
-    alone = own[(placed.samples[own] == 0) & ~placed.forced[own]]
+    alone = stay[(placed.samples[stay] == 0) & ~placed.forced[stay]]
     if not len(alone) or not len(sampled):
         return placed
     number = np.searchsorted(sampled, alone)

@@ -124,8 +124,9 @@ def known_by_depth(
     climbs = predicted.targets[climb_share(predicted.path, force)[predicted.targets] > 0.5]
     if len(climbs) < FEWEST_TARGETS:
         return None, (Finding(
-            "CS3241", "note", f"only {counted(len(climbs), 'target')} of {len(predicted.targets)} climb: the stated depth does "
-            "not tell how stiff the cut is", file=predicted.path.toolpath.source, hint="state it with --cutting-stiffness"),)
+            "CS3241", "note", f"{len(climbs)} of {counted(len(predicted.targets), 'target')} climb, and "
+            f"{FEWEST_TARGETS} are needed: the stated depth does not tell how stiff the cut is",
+            file=predicted.path.toolpath.source, hint="state it with --cutting-stiffness"),)
     # While the log was taken the tool stood aside, and less deep by that.
     direction, _ = across_feed(predicted.path, force)
     aside = np.einsum("ni,ni->n", standing(predicted, offsets), direction)[climbs]

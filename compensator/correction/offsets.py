@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.correct import Corrected
 from compensator.correction.predict import Predicted
+from compensator.forces.placement import without_sample_in_cut
 from identification.common.added_targets import ADDED, added_text
 from identification.common.arrow import number_column, text_column
 
@@ -133,8 +134,9 @@ def _blocks(
 
 
 def _held(predicted: Predicted) -> NDArray[np.bool_]:
-    """The targets (N,) of which no force is known, since the log stood still there."""
-    held = np.zeros(len(predicted.path.toolpath), dtype=bool)
+    """The targets (N,) of which no force is known, since the log stood still there, or has no sample in the middle of a cut."""
+    held = without_sample_in_cut(predicted.path, predicted.forces)
+    held[predicted.targets] = False
     held[predicted.forces.held] = True
     return held
 

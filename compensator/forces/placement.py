@@ -299,13 +299,18 @@ def _weak(log: ForceLog, path: RobotPath, forces: TargetForces, saturated: Indic
     return findings
 
 
-def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:
-    """Targets without a sample in the cut, on from one with force or up to one: they stay where they are, and that leaves a
-    step."""
+def without_sample_in_cut(path: RobotPath, forces: TargetForces) -> NDArray[np.bool_]:
+    """The targets (N,) without a sample in the cut, on from one with force or up to one."""
     empty, forced = forces.samples == 0, forces.forced
     run = np.cumsum(np.diff(empty, prepend=False))
     beside = np.unique(np.concatenate([run[1:][empty[1:] & forced[:-1]], run[:-1][empty[:-1] & forced[1:]]]))
-    inside = np.flatnonzero(empty & np.isin(run, beside) & ~moves_in_air(path.toolpath))
+    return np.asarray(empty & np.isin(run, beside) & ~moves_in_air(path.toolpath))
+
+
+def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:
+    """Targets without a sample in the cut, on from one with force or up to one: they stay where they are, and that leaves a
+    step."""
+    empty, inside = forces.samples == 0, np.flatnonzero(without_sample_in_cut(path, forces))
     level: Level = "warning" if 2 * empty.sum() > len(empty) else "note"
     findings = []
     if empty.any():

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from compensator.correction import intermediate_targets
+from compensator.correction.before_touch import air_beside
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.fine_grid import _around, fine_grid
@@ -240,6 +241,20 @@ def test_a_touch_close_behind_a_target_in_the_air_is_not_cut_before(tmp_path: Pa
     assert first < second
 
 
+@pytest.mark.parametrize(("scatter", "air"), [(8e-6, 0.0), (1e-6, 1 / 18)])
+def test_a_force_that_fades_into_the_scatter_is_no_touch(scatter: float, air: float) -> None:
+    """At the end of a cut it falls under what the log shows in air before it is none: one piece of the eighteen to the last
+    target with force, where the line is off by 20 um. (For these that target was held back by 0.3 mm.)"""
+    share = np.append(np.linspace(1, 0, 18), [0.0, 0.0])
+    forced, points = share > 0, np.arange(len(share))
+    forces = SimpleNamespace(forced=forced, samples=np.ones(len(share), dtype=int))
+    fine: Any = SimpleNamespace(forces=forces, path=SimpleNamespace(length=0.25e-3 * points), targets=points,
+                                prediction=SimpleNamespace(position=np.outer(share, [0.0, 0.36e-3, 0.0])))
+    looked_at: Any = SimpleNamespace(at=np.array([0, 18, 19]), number=np.array([4, 5, 6]), fine=fine,
+                                     noise=np.full(len(share), scatter))
+    assert air_beside(looked_at, np.array([4])) == pytest.approx([air])
+
+
 def test_the_tare_names_targets_of_the_program_given(tmp_path: Path) -> None:
     """The sensor's bias is taken from the air behind a cut that begins at once, with intermediate targets in between."""
     path, written = Path3(LINES), []
@@ -347,12 +362,15 @@ def on_arc(a: np.ndarray, b: np.ndarray, c: np.ndarray, share: float) -> np.ndar
     return centre + Rotation.from_rotvec(share * sweep * axis).apply(a - centre)
 
 
-@pytest.mark.parametrize(("wave", "cut"), [(25.0, True), (1e9, False)], ids=["varies", "stays"])
-def test_an_arc_is_kept_where_the_corrected_arc_is_one(tmp_path: Path, wave: float, cut: bool) -> None:
+@pytest.mark.parametrize(("wave", "cut", "step"), [(25.0, True, 0.05), (25.0, True, 1.7), (1e9, False, 0.05)],
+                         ids=["varies", "varies, slow log", "stays"])
+def test_an_arc_is_kept_where_the_corrected_arc_is_one(tmp_path: Path, wave: float, cut: bool, step: float) -> None:
+    """Of a slow log most points of an arc have no sample of their own: they get what lies between. (They had stayed as
+    planned beside their corrected neighbours, the arc was cut finer and finer for that, and nobody was told.)"""
     path = Path3(ARC)
     moves = [kit.move(path.text[0]), kit.move(path.text[1]),
              f"    MoveC {path.text[2]},{path.text[3]},v50,z1,tMill\\WObj:=wPart;", kit.move(path.text[4])]
-    s = np.arange(0, 20 + np.pi * RADIUS, 0.05)
+    s = np.arange(0, 20 + np.pi * RADIUS, step)
     text = "path_mm,fx_n,fy_n,fz_n\n" + "".join(
         f"{a:.2f},{f[0]:.4f},{f[1]:.4f},{f[2]:.4f}\n" for a, f in zip(s, arc_force(s, wave), strict=True))
     job = Job(tmp_path, program=kit.module(moves), forces=text)
@@ -360,7 +378,7 @@ def test_an_arc_is_kept_where_the_corrected_arc_is_one(tmp_path: Path, wave: flo
     assert result.code == 0
     assert ("CS4331" in kit.codes(result)) == cut
     out = job.out.read_text()
-    assert out.count("MoveC") == (4 if cut else 1)
+    assert out.count("MoveC") == (4 if cut else 1) or (step > 1 and out.count("MoveC") < 8)
     written, centre = kit.targets_of(out), path.at(ARC[1] + [0, RADIUS, 0])[0] / 1e3
     normal = np.cross(path.frames[1].p - centre, path.frames[2].p - centre)
     normal /= np.linalg.norm(normal)

@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 
 from compensator.correction.files import Inputs
 from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.test_placement import Path3
 
 FIRST, LAST = 120_000, 150_000
 
@@ -46,3 +47,16 @@ def test_a_stretch_that_stood_still_is_left_and_said(tmp_path: Path, sample_inpu
     assert "CORRECTED, BUT NOT ALL OF THE CUT" in page
     assert f"{len(left)} targets are not among them: the log stood still there" in page
     assert "NOT ALL OF THE CUT" not in (tmp_path / "right.html").read_text()
+
+
+def test_a_target_of_the_cut_without_a_sample_states_no_deviation(tmp_path: Path) -> None:
+    """A log slower than the targets follow each other: that one has no sample does not make its deviation zero."""
+    path = Path3(np.column_stack([2.0 * np.arange(20), np.zeros(20), np.zeros(20)]))
+    numbers = np.repeat(np.delete(np.arange(20), [3, 11]), 3)
+    rows = "".join(f"{k},{f[0]},{f[1]},{f[2]}\n" for k in numbers for f in [(30, 120, -50) if k > 5 else (0, 0, 0)])
+    job = kit.Job(tmp_path, program=path.program(), forces="target,fx_n,fy_n,fz_n\n" + rows)
+    assert "CS3012" in kit.codes(job.correct("--json"))
+    left = {row["target"]: (row["dx_um"], row["sx_um"], row["left_um"]) for row in job.offsets() if row["note"] == "no sample"}
+    assert left.keys() == {"3", "11"}
+    assert left["11"] == ("", "", "")
+    assert float(left["3"][0]) == 0, "in the air there is none"
