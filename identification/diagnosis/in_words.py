@@ -30,12 +30,15 @@ from identification.fit.visit_findings import (
 )
 from identification.model.effects import effects
 from identification.model.effects.kinds import OF_THE_KIND
+from identification.model.effects_in_force import SPRINGS
 from identification.model.load_state import PACE_S, LoadState
 
 # So many checks, and causes that would not have been noticed, are told on the terminal.
 MOST_CHECKS, MOST_OVERLOOKED = 4, 6
 # Odds of more powers of ten than this are only said to be over that.
 CERTAIN = 12
+# Standard deviations of a stiffness that its interval of 95 % reaches.
+TWO_SIGMA = 1.96
 # Of many names that cannot be told apart so many are printed.
 MOST_TOLD = 8
 
@@ -150,6 +153,13 @@ def _overlooked(judgement: Judgement) -> list[str]:
     causes = "other possible causes" if judgement.causes else "possible causes"
     lines = [f"  these rows would have shown {len(every) - len(missed)} of {len(every)} {causes} of typical size, four times "
              f"in five{f'; not (um they move the tool here): {names}{more}' if missed else ''}"]
+    off = np.array([each.unnoticed for each in every])
+    worst, std = np.argmax(off, axis=0), np.sqrt(np.diag(judgement.extended.covariance))[SPRINGS]
+    beyond = [f"k{joint + 1} by {100 * np.expm1(off[k, joint]):.2g} % ({cause_words(every[k].entry.label)})"
+              for joint, k in enumerate(worst) if off[k, joint] > TWO_SIGMA * std[joint]]
+    if beyond:
+        lines.append("  a cause that these rows would not show, of typical size at most, may leave stiffnesses off by more "
+                     f"than their intervals say: {', '.join(beyond)}")
     held = sorted({each.entry.joint for each in every if each.weighed and each.entry.joint})
     if held:
         gears = f"gear{'s' if held[1:] else ''} {', '.join(map(str, held))}"

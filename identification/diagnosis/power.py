@@ -27,6 +27,7 @@ from identification.fit.gram import NoiseGram
 from identification.fit.noise import SMALLEST_LOG, Weights
 from identification.fit.posterior import Posterior
 from identification.model.effects import Effect
+from identification.model.effects_in_force import SPRINGS
 from identification.model.law_of import uncertain
 
 Array = NDArray[np.float64]
@@ -47,13 +48,14 @@ STEP = 0.1
 class Showing:
     """From which size on [typical sizes] a cause would have been noticed, with 80 % probability; typical: that size on this
     robot, in the unit of the parameter that says how large it is; largest [m]: how far the tool moves at `size` in the row in
-    which it moves most. weighed: whether all this is only so where no weight, which nobody stated, holds its gear on one
-    side."""
+    which it moves most. springs (6,): what one of typical size leaves each stiffness off by, in ln k, where six springs are
+    fitted to it. weighed: whether all this is only so where no weight, which nobody stated, holds its gear on one side."""
 
     entry: Entry
     size: float
     typical: float
     largest: float
+    springs: Array
     weighed: bool
 
     @property
@@ -66,6 +68,12 @@ class Showing:
         """How far one of its typical size moves the tool [m], in the row in which it moves most."""
         return self.largest / self.size
 
+    @property
+    def unnoticed(self) -> Array:
+        """What the largest one that would not have been noticed, of typical size at most, leaves each stiffness off by (6,),
+        in ln k."""
+        return self.springs * min(self.size, 1.0)
+
     def as_dict(self) -> dict[str, Any]:
         """JSON values; sizes are null where it is never noticed."""
         parameter = self.entry.effect.size_parameter
@@ -74,6 +82,7 @@ class Showing:
                 "unit": parameter.unit, "typical": self.typical, "noticed_from": None if never else self.size * self.typical,
                 "noticed_from_typical_sizes": None if never else self.size,
                 "noticed_from_um": None if never else 1e6 * self.largest, "typical_um": 1e6 * self.typical_largest,
+                "typical_stiffness_percent": [round(100 * float(np.expm1(off)), 2) for off in self.springs],
                 "unless_held_by_weight": self.weighed}
 
 
@@ -103,6 +112,7 @@ def noticed_from(
         return ()
     signals = [dictionary.of(middle) @ way for _, _, middle, _, way in looked_at]
     beside = _FittedBeside(base, noise, np.stack(signals, axis=2))
+    springs = np.abs(base.inverse @ base.cross(beside.signals))[SPRINGS]
     found = []
     for k, (entry, weighed, middle, strength, way) in enumerate(looked_at):
         asked, unit = needed(float(tail[middle]), len(way)), strength[worst_fifth(strength)]
@@ -112,7 +122,8 @@ def noticed_from(
             size = beside.noticed_from(k, asked / unit * SIZES, strength, asked, differs)
         shape = dictionary.signatures[middle]
         moved = np.linalg.norm((shape.rows * shape.scale) @ way, axis=1).max()
-        found.append(Showing(entry, size, dictionary.amplitude(entry.signatures.start), size * float(moved), weighed))
+        found.append(Showing(entry, size, dictionary.amplitude(entry.signatures.start), size * float(moved),
+                             springs[:, k], weighed))
     return tuple(found)
 
 

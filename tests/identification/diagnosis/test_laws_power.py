@@ -134,6 +134,25 @@ def test_noise_that_is_fitted_beside_a_cause_grows_by_it(tmp_path: Path) -> None
     assert np.mean([distance(again()) for _ in range(10)]) == pytest.approx(asked, rel=0.12)
 
 
+@pytest.mark.parametrize("name", ["bearing_tilt[2]", "soft_beyond[2]"])
+def test_what_a_cause_that_goes_unnoticed_leaves_a_stiffness_off_by(name: str, tmp_path: Path) -> None:
+    """Against six springs fitted to readings without noise that a tenth of a typical one moves."""
+    cell_file, table = simulate(0, "poses20").write(tmp_path)
+    cell = read_cell(cell_file)
+    fit = posterior(LoadTest.of(cell, read_measurements(table, cell.robot)))
+    shown = next(each for each in showing(fit, {name[:-3]: effects()[name[:-3]]}, 3.0)
+                 if each.entry.label == name)
+    shapes = [each for each in shown.entry.effect.signatures(fit.load_state, shown.entry.joint) if each.rows.shape[2] == 1]
+    bare = fit.predicted(fit.data)
+
+    def springs(added: np.ndarray) -> np.ndarray:
+        return posterior(replace(fit.data, rows=replace(fit.data.rows, deflection=bare + added)), (), fit).log_compliance
+
+    start = springs(np.zeros_like(bare))
+    off = [10 * np.abs(springs(0.1 * (shape.rows * shape.scale)[:, :3, 0]) - start) for shape in shapes]
+    assert min(np.max(np.abs(each - shown.springs)) / np.max(each) for each in off) < 0.15
+
+
 def test_an_adequate_answer_says_what_it_is_worth(tmp_path: Path) -> None:
     """The sizes that show stand in the answer, the record and the report."""
     cell_file, table = simulate(3, "ladder12").write(tmp_path)
@@ -152,6 +171,10 @@ def test_an_adequate_answer_says_what_it_is_worth(tmp_path: Path) -> None:
     assert {(each.entry.effect.name, each.entry.joint) for each in judgement.overlooked} == set(missed)
     line = next(line for line in found.lines() if "these rows would have shown" in line)
     assert f"{len(shown) - len(missed)} of {len(shown)} possible causes" in line
+    std = np.sqrt(np.diag(found.extended().covariance))[:6] / np.array(found.extended().stiffness)
+    worst = np.max([each.unnoticed for each in judgement.showing], axis=0)
+    line = next((line for line in found.lines() if "off by more than their intervals say" in line), "")
+    assert [f"k{joint + 1} by" in line for joint in range(6)] == (worst > 1.96 * std).tolist()
     assert f"{len(shown) - len(missed)}, four times in five" in diagnosis_report(found)
 
 
