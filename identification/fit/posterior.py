@@ -47,6 +47,8 @@ MAX_STEPS = 200
 MAX_ROUNDS = 8
 # Steps after which a fiftieth of a posterior standard deviation is near enough: differences in a term can rattle.
 PATIENCE = 30
+# A step under so many posterior standard deviations is the last; while the noise is not settled, too.
+CLOSE, ON_THE_WAY = 1e-3, 0.1
 # A search that has gained so little of ln posterior in that many steps is at the top: where a law has an edge (the torque at
 # which a gear crosses its play moves with the springs) it creeps along that edge for ever.
 SETTLED = 1e-3
@@ -228,11 +230,12 @@ def posterior(
         row_weight, degrees = student_weights(noise, components, at.weights(components), at.residual)
         components = replace(components, degrees=degrees)
         weights = noise.weights(components, row_weight)
-        at = _maximise(model, replace(at, row_weight=row_weight), weights)
+        at = _maximise(model, replace(at, row_weight=row_weight), weights, ON_THE_WAY)
         x = at.x
         # Components within five percent and weights within a twentieth are far inside their own uncertainty.
         if number and np.max(np.abs(components.logs - before.logs)) < 0.05 and np.max(np.abs(row_weight - last_weight)) < 0.05:
             break
+    at = _maximise(model, model.linearised(at.noise, row_weight, x), weights)
     return Posterior(data, components, weights, at, model.terms)
 
 
@@ -277,8 +280,9 @@ class _FittedModel:
         return np.concatenate([np.ones(6), *(3.0 * term.scale for term in self.terms)])
 
 
-def _maximise(model: _FittedModel, at: Linearised, weights: Weights | BesideWeight) -> Linearised:
-    """The model at the MAP of x for one noise (paper eq. 12), by damped Gauss-Newton from `at`. Raises CS1011."""
+def _maximise(model: _FittedModel, at: Linearised, weights: Weights | BesideWeight, close: float = CLOSE) -> Linearised:
+    """The model at the MAP of x for one noise (paper eq. 12), by damped Gauss-Newton from `at`, until a step is as close
+    [posterior standard deviations]. Raises CS1011."""
     prior, step_limit, joints = at.prior, model.step_limit, np.arange(6)
 
     def cost(x: Array, residual: Array) -> float:
@@ -306,7 +310,7 @@ def _maximise(model: _FittedModel, at: Linearised, weights: Weights | BesideWeig
         better = trial_value <= value + 1e-9 * (1 + abs(value))
         passed.append(min(value, trial_value))
         settled = number >= PATIENCE and passed[-1 - PATIENCE] - passed[-1] < SETTLED
-        if better and (settled or change < (1e-3 if number < PATIENCE else 2e-2)):
+        if better and (settled or change < (close if number < PATIENCE else max(close, 2e-2))):
             # So small a step leaves the design as it is.
             return replace(at, x=x, residual=trial)
         if settled:
