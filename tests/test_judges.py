@@ -28,7 +28,7 @@ FIGURES = (
     (r"laws are others: (\d+) of (\d+) right", "docs/benchmarks/diagnosis.md", r"\*\*{0} of {1}\*\* are right"),
     (r"of (\d+) load tests as one writes them at a desk, (\d+) right, (\d+) in a set", "docs/benchmarks/diagnosis.md",
      r"of {0} {1} right, {2} in the set"),
-    (r"of the newest's (\d+) fresh ones (\d+) right, (\d+) in a set", "docs/benchmarks/judges.md",
+    (r"of the fifth's (\d+) fresh ones (\d+) right, (\d+) in a set", "docs/benchmarks/judges.md",
      r"Of the \w+ fresh runs together \(8300 to \d+\) \*\*{1} of {0}\*\* are right, {2} in the set"),
     (r"hold again: (\d+) % before, (\d+) % after", "docs/benchmarks/diagnosis.md", r"after naming right \| {0} % -> {1} %"),
     (r"axis (\d): (\d+) µrad (\d+) times a turn", "docs/real-data.md", r"\| {0} \| {2}\.\d ± \S+ \|.*\| {1}\.\d, "),
