@@ -2,17 +2,20 @@
 
 One line a case: what was hidden, by how many sigmas it shows, how good the answer is, and how many of the six true stiffnesses
 lie in its 95 % intervals. RIGHT and HALF were written after the world was frozen, from the program's own words for its names,
-and before any answer was seen. An answer.json that lies in a case's folder is graded without asking again.
+and before any answer was seen.
 """
 
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
 from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benchmarks.fifth_judge import asked, name_of
 
 # `@` asks for the place that was hidden; a name without brackets is right whatever stands in them; UNKNOWN: it has no name.
 UNKNOWN = "unknown"
@@ -121,15 +124,6 @@ HALF: dict[str, tuple[str, ...]] = {
 }
 
 
-def name_of(cause: dict[str, Any]) -> str:
-    """effect[joint], effect!pose or a mistake's key."""
-    if "mistake" in cause:
-        return str(cause["mistake"])
-    pose = cause.get("pose") or cause.get("parameters", {}).get("pose")
-    pose = pose.get("estimate") if isinstance(pose, dict) else pose
-    return str(cause["effect"]) + (f"[{cause['joint']}]" if cause.get("joint") else f"!{pose}" if pose else "")
-
-
 def meets(name: str, wanted: tuple[str, ...], place: str) -> bool:
     """Whether a name is one of those wanted: at the place where one is asked for."""
     bare = name.partition("[")[0].partition("!")[0].partition(".")[0]
@@ -176,31 +170,6 @@ def held(folder: Path, truth: dict[str, Any]) -> str:
     told = {one["name"]: one["interval_95"] for one in json.loads(file.read_text(encoding="utf-8"))["parameters"]}
     out = [f"k{j}" for j, k in enumerate(truth["stiffness"], 1) if not told[f"k{j}"][0] <= k <= told[f"k{j}"][1]]
     return f"{6 - len(out)}/6" + (" not " + " ".join(out) if out else "")
-
-
-def asked(folder: Path) -> dict[str, Any]:
-    """The program's answer to a case, from its file or by asking."""
-    file = folder / "answer.json"
-    if not file.exists():
-        call = [
-            sys.executable,
-            "-m",
-            "compstiff",
-            "diagnose",
-            "cell.yaml",
-            "measurements.csv",
-            "-o",
-            "diagnosis.json",
-            "--extended",
-            "stiffness.json",
-            "--json",
-            "--force",
-            "-q",
-        ]
-        done = subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
-        file.write_text(done.stdout, encoding="utf-8")
-    answer: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return answer
 
 
 def main(folder: Path, first: int, last: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from sixth_arm import GRAVITY, turn
+from sixth_arm import GRAVITY, Arm, turn
 from sixth_trial import UP_AND_DOWN, Hooks, Made, Table, Trial, direction, play
 
 
@@ -276,16 +276,16 @@ def poses_exchanged(rng: np.random.Generator, t: Trial) -> Made:
 
 def tool_length(rng: np.random.Generator, t: Trial) -> Made:
     def hooks(a: float) -> Hooks:
-        def arm(stated: object) -> None:
-            stated.tool = stated.tool - np.array([0, 0, a])  # type: ignore[attr-defined]
+        def arm(stated: Arm) -> None:
+            stated.tool = stated.tool - np.array([0, 0, a])
         return Hooks(arm=arm)
     return "", .02, .2, hooks
 
 
 def tool_turned(rng: np.random.Generator, t: Trial) -> Made:
-    def arm(stated: object) -> None:
-        x, y, z = stated.tool  # type: ignore[attr-defined]
-        stated.tool = np.array([-y, x, z])  # type: ignore[attr-defined]
+    def arm(stated: Arm) -> None:
+        x, y, z = stated.tool
+        stated.tool = np.array([-y, x, z])
     return "", 1, 1, lambda a: Hooks(arm=arm)
 
 
@@ -352,8 +352,8 @@ def longer_arm(rng: np.random.Generator, t: Trial) -> Made:
     short = t.arm.lengths
     t.arm.lengths = (*short[:4], short[4] + .25, short[5])
 
-    def arm(stated: object) -> None:
-        stated.lengths = short  # type: ignore[attr-defined]
+    def arm(stated: Arm) -> None:
+        stated.lengths = short
     return "", 1, 1, lambda a: Hooks(arm=arm)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -33,7 +34,7 @@ def hide(rng: np.random.Generator, cause: str, robot: str | None) -> tuple[Trial
             continue
         place, low, high, hooks = made
 
-        def shows(a: float, t: Trial = t, hooks=hooks) -> float:  # type: ignore[no-untyped-def]
+        def shows(a: float, t: Trial = t, hooks: Callable[[float], Hooks] = hooks) -> float:
             h = hooks(a)
             return sigmas(t, typed(t, deflection(t, t.force, h), h))
 

@@ -129,7 +129,7 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
     count = len(table)
     nothing = np.full(count, np.nan)
     reference = run_numbers(table.texts.get("reference", np.full(count, "", dtype=object)))
-    time = running(table.numbers.get("time_s", nothing), reference)
+    time = _running(table.numbers.get("time_s", nothing), reference)
     theta = np.radians(table.stack(*JOINTS))
     moment = np.column_stack([table.numbers.get(name, np.zeros(count)) for name in MOMENTS])
     wrench = np.concatenate([_forces(table, cell), moment], axis=1)
@@ -215,7 +215,7 @@ def _not_measured(table: Table, deflection: Array) -> list[Finding]:
                     "measured", file=table.source)] if empty else []
 
 
-def running(time: Array, reference: NDArray[np.intp]) -> Array:
+def _running(time: Array, reference: NDArray[np.intp]) -> Array:
     """Times (N,) [s] that run on from row to row. Where the clock stands no later at the first row of a reference (N,) than at
     the last one of the reference before, it began anew with the zero reading, right after that row."""
     first = np.flatnonzero(_anew(time, reference))

@@ -41,7 +41,7 @@ from identification.diagnosis.power import showing
 from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.share import share_of
 from identification.diagnosis.slight import no_names, of_nothing, without_slight
-from identification.diagnosis.slips_rather import slips_rather, suspects, wrong_angles_rather
+from identification.diagnosis.slips_rather import suspected, wrong_angles_rather
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.bad_visits import bad_visits
 from identification.fit.load_test import LoadTest
@@ -142,15 +142,16 @@ class Procedure:
         judgement = self.judged()
         if judgement.verdict == "mistake":
             return judgement
-        test = (wrong_angles_rather(judgement, self.seed) or slips_rather(judgement, self.seed)
-                or bad_visits(judgement.extended, self.seed))
+        first, doubted = judgement, suspected(judgement, self.seed)
+        test = wrong_angles_rather(judgement, self.seed) or doubted.rather or bad_visits(judgement.extended, self.seed)
         if not test.bad:
             test = with_crowded(test, judgement.extended)
         judgement = self.without_bad_visits(judgement, test) if test.bad else self.without_bad_rows(judgement)
         if judgement.verdict == "adequate" and test.too_many:
             judgement = replace(judgement, verdict="unknown", patterns=(
                 "the readings at more than a third of the poses fit no stiffness that fits the others", *judgement.patterns))
-        return replace(judgement, visits=test, suspects=suspects(judgement, self.seed),
+        doubted = doubted if judgement is first else suspected(judgement, self.seed)
+        return replace(judgement, visits=test, suspects=doubted.visits,
                        validation=judge_validation(judgement.extended, self.data, self.seed))
 
     def without_bad_visits(self, judgement: Judgement, test: VisitTest) -> Judgement:

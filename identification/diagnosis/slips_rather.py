@@ -3,6 +3,8 @@ pose, or a slip in the row of one for which a bumped sensor was named."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from identification.diagnosis.judgement import Judgement
@@ -25,31 +27,34 @@ def wrong_angles_rather(judgement: Judgement, seed: int) -> VisitTest | None:
     return test if angles > judgement.log_odds + RIVAL else None
 
 
-def slips_rather(judgement: Judgement, seed: int) -> VisitTest | None:
-    """The visits that do not fit the others, where each is one for which a sensor is named that was bumped there, and one slip
-    in its row is all but certain: it explains the readings without a number of its own, a bump has three."""
-    test, found = _suspected(judgement, seed)
-    mended = [bad for bad in found if bad.mends and bad.mends[0].probability >= CERTAIN]
-    return test if test is not None and found and len(mended) == len(test.bad) else None
+@dataclass(frozen=True, eq=False)
+class Suspected:
+    """visits: those for which a sensor is named that was bumped there, while something wrong with the whole pose explains their
+    readings as well; test: of all visits, without these causes."""
+
+    test: VisitTest | None = None
+    visits: tuple[BadVisit, ...] = ()
+
+    @property
+    def rather(self) -> VisitTest | None:
+        """The test, where each visit that does not fit is one of these and one slip in its row is all but certain: it explains
+        the readings without a number of its own, a bump has three."""
+        mended = [bad for bad in self.visits if bad.mends and bad.mends[0].probability >= CERTAIN]
+        return self.test if self.test is not None and self.visits and len(mended) == len(self.test.bad) else None
 
 
-def suspects(judgement: Judgement, seed: int) -> tuple[BadVisit, ...]:
-    """Visits for which a sensor is named that was bumped there, while something wrong with the whole pose explains their
-    readings as well."""
-    return _suspected(judgement, seed)[1]
-
-
-def _suspected(judgement: Judgement, seed: int) -> tuple[VisitTest | None, tuple[BadVisit, ...]]:
-    """The test of the visits without the causes that touch one of them alone, and those of its bad ones which these touch."""
+def suspected(judgement: Judgement, seed: int) -> Suspected:
+    """The visits all of whose readings a named cause touches that touches none of another."""
     extended = judgement.extended
     places = [_pose_of_all(term, extended) for term in extended.terms]
     if judgement.verdict not in ("named", "ambiguous") or not any(places):
-        return None, ()
+        return Suspected()
     others = [term for term, place in zip(extended.terms, places, strict=True) if not place]
     test = bad_visits(posterior(extended.data, others, extended), seed)
     if test.rest is None:
-        return None, ()
-    return test, tuple(bad for bad in with_mends(test, test.rest, judgement.rows) if bad.score.name in places)
+        return Suspected()
+    every = with_mends(test, test.rest, judgement.rows)
+    return Suspected(test, tuple(bad for bad in every if bad.score.name in places))
 
 
 def _pose_of_all(term: Term, fitted: Posterior) -> str:

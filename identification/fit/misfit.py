@@ -59,7 +59,10 @@ HALF_A_DEGREE = 10.0
 # What a sensor remembers matters to nobody where it scatters by less than this share of what is stated.
 WORTH_REMEMBERING = 0.1
 PARTS = {SENSOR: "sensor noise", FORCE: "force error", ABSOLUTE: "absolute force error", OFFSET: "re-seating",
-         SETUP: "force error between set-ups (0.1 % is usual)", MEMORY: "memory of the readings (odds of 0.1 are usual)"}
+         SETUP: f"force error between set-ups ({100 * USUAL_SETUP:g} % is usual)",
+         MEMORY: "memory of the readings (odds of 0.1 are usual)"}
+# Of a rig whose forces are stated.
+STATED_SETUP = "force error between set-ups ({:g} % is stated of each force)"
 # The same parts where no file states them.
 UNSTATED = PARTS | {OFFSET: f"re-seating ({1e6 * USUAL_OFFSET_M:g} um is usual)",
                     FORCE: f"force error ({100 * USUAL_FORCE_RELATIVE:g} % is usual)"}
@@ -144,9 +147,10 @@ def _p_value(degrees: NoiseDegrees, columns: Array) -> float:
 
 def needed(part: str, multiple: float) -> str:
     """What the rows need of a part of the noise (`beyond_stated`), in words."""
-    if part == PARTS[SETUP]:
+    between, allowed = part.partition(" (")[::2]
+    if between == PARTS[SETUP].partition(" (")[0]:
         return (f"the forces would have to differ by {100 * USUAL_SETUP * multiple:.2g} % from one set-up to the next "
-                f"({100 * USUAL_SETUP:g} % is usual)")
+                f"({allowed}")
     if part == PARTS[MEMORY]:
         alike, usual = memory_of(np.array([multiple, 1.0]))
         return f"the readings of a pose would have to be alike by {100 * alike:.0f} % ({100 * usual:.0f} % is usual)"
@@ -182,6 +186,8 @@ def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:
         allowed[SETUP] = min(allowed[SETUP], max(granted * of_forces.force_relative / USUAL_SETUP, HALF_A_DEGREE))
     if multiples[0] < WORTH_REMEMBERING:
         allowed.pop(MEMORY, None)
-    names = [PARTS if stated else UNSTATED for stated in noise.stated]
-    return {names[part][part]: float(multiples[part]) for part, most in allowed.items()
+    names = [(PARTS if stated else UNSTATED)[part] for part, stated in enumerate(noise.stated)]
+    if SETUP in allowed and of_forces.force_relative_stated:
+        names[SETUP] = STATED_SETUP.format(100 * of_forces.force_relative)
+    return {names[part]: float(multiples[part]) for part, most in allowed.items()
             if np.log(multiples[part] / most) > ONE_SIDED_95 * log_std[part]}
