@@ -37,7 +37,8 @@ from identification.diagnosis.dictionary import dictionary_of
 from identification.diagnosis.projection import Base, scores
 from identification.fit.fitted_model import response
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import VarianceComponents, noise_model
+from identification.fit.noise import noise_model
+from identification.fit.noise_parts import VarianceComponents
 from identification.fit.posterior import Posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell

@@ -18,7 +18,8 @@ from identification.design.sheet import as_measurements, sheet_of
 from identification.design.task import Task
 from identification.fit.fitted_model import response
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import VarianceComponents, noise_model
+from identification.fit.noise import noise_model
+from identification.fit.noise_parts import VarianceComponents
 from identification.fit.sag import BesideWeight, sag_columns
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from identification.diagnosis.naming import LIKELIER, Named, converged, with_pla
 from identification.diagnosis.search import Hypothesis, log_prior
 from identification.fit.misfit import GRANTED_AFTER_NAMING, ONE_SIDED_95, beyond_stated
 from identification.fit.mistakes.evidence import log_evidence, under_ordinary_noise
-from identification.fit.noise import SENSOR
+from identification.fit.noise_parts import SENSOR
 from identification.fit.posterior import Posterior
 from identification.model.effects import Effect
 

@@ -24,7 +24,8 @@ from identification.diagnosis.projection import PRIOR_SIZES, Base
 from identification.diagnosis.replicates import FittedNoise
 from identification.diagnosis.search import base_at
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import NoiseModel, VarianceComponents, noise_model
+from identification.fit.noise import NoiseModel, noise_model
+from identification.fit.noise_parts import VarianceComponents
 from identification.fit.planned_noise import planned_covariance
 from identification.measurements import Measurements
 from identification.model.cell import Cell

@@ -24,7 +24,8 @@ from identification.diagnosis.projection import Base, information_blocks
 from identification.diagnosis.replicates import FittedNoise
 from identification.diagnosis.search import LAW_SHARE
 from identification.fit.gram import NoiseGram
-from identification.fit.noise import SMALLEST_LOG, Weights
+from identification.fit.noise import Weights
+from identification.fit.noise_parts import SMALLEST_LOG
 from identification.fit.posterior import Posterior
 from identification.model.effects import Effect
 from identification.model.effects_in_force import SPRINGS

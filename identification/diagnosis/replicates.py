@@ -8,7 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import NoiseModel, SetUp, VarianceComponents
+from identification.fit.noise import NoiseModel
+from identification.fit.noise_parts import SetUp, VarianceComponents
 from identification.fit.optional_parts import possible
 from identification.fit.posterior import Posterior
 from identification.fit.variance_components import Trials

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from identification.common.findings import CompstiffError
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import SETUP
+from identification.fit.noise_parts import SETUP
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.visits import VisitScore, VisitTest, WrongAngle, score_visits, testable
 from identification.fit.wrong_angle import likeliest_wrong_angle, wrong_angles

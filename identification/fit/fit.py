@@ -34,7 +34,8 @@ from identification.fit.mistakes.judge import (
     mistakes_in,
 )
 from identification.fit.mistakes.units import unit_mistake
-from identification.fit.noise import ABSOLUTE, FORCE, OFFSET, SETUP, residual_std
+from identification.fit.noise import residual_std
+from identification.fit.noise_parts import ABSOLUTE, FORCE, OFFSET, SETUP
 from identification.fit.posterior import Posterior
 from identification.fit.priors import PriorKind, PriorModel
 from identification.fit.profile import Profile, profiles

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import OF_ROWS, NoiseModel
+from identification.fit.noise import NoiseModel
+from identification.fit.noise_parts import OF_ROWS
 from identification.fit.own_noise import inverse_of_three
 
 Array = NDArray[np.float64]

@@ -11,7 +11,8 @@ from identification.common.arrays import rms
 from identification.common.findings import CompstiffError
 from identification.fit.fitted_model import predicted_deflection, response
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import OPTIONAL, Weights, noise_model
+from identification.fit.noise import Weights, noise_model
+from identification.fit.noise_parts import OPTIONAL
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.student import log_tails
 from identification.measurements import Measurements

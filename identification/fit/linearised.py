@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import NoiseModel, VarianceComponents, Weights
+from identification.fit.noise import NoiseModel, Weights
+from identification.fit.noise_parts import VarianceComponents
 from identification.fit.priors import PriorModel
 
 Array = NDArray[np.float64]

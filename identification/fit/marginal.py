@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.linearised import Linearised
-from identification.fit.noise import VarianceComponents
+from identification.fit.noise_parts import VarianceComponents
 from identification.fit.priors import PriorModel
 from identification.fit.variance_components import Trials, integrated_out
 from identification.model.effects_in_force import EFFECTS, SPRINGS

@@ -22,20 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.tails import f_tail
-from identification.fit.noise import (
-    ABSOLUTE,
-    FORCE,
-    MEMORY,
-    OFFSET,
-    SENSOR,
-    SETUP,
-    USUAL_FORCE_RELATIVE,
-    USUAL_OFFSET_M,
-    USUAL_SETUP,
-    memory_of,
-    residual_std,
-)
+from identification.fit.noise import USUAL_FORCE_RELATIVE, USUAL_OFFSET_M, residual_std
 from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
+from identification.fit.noise_parts import ABSOLUTE, FORCE, MEMORY, OFFSET, SENSOR, SETUP, USUAL_SETUP, memory_of
 from identification.fit.posterior import Posterior
 from identification.fit.subsets import WORTH_DEGREES, Conflict
 from identification.model.load_state import LoadState

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.linearised import Linearised
-from identification.fit.noise import (
+from identification.fit.noise import NoiseModel
+from identification.fit.noise_parts import (
     ABSOLUTE,
     FORCE,
     MEMORY,
@@ -22,7 +23,6 @@ from identification.fit.noise import (
     PARTS,
     SETUP,
     SMALLEST_LOG,
-    NoiseModel,
     SetUp,
     VarianceComponents,
 )

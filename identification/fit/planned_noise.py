@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import NoiseModel, VarianceComponents
+from identification.fit.noise import NoiseModel
+from identification.fit.noise_parts import VarianceComponents
 from identification.fit.variance_components import ComponentPosterior, log_covariance
 
 Array = NDArray[np.float64]

@@ -31,7 +31,8 @@ from identification.fit.fitted_model import Term, predicted_deflection, response
 from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
 from identification.fit.marginal import Draws, posterior_draws, shrunk
-from identification.fit.noise import NoiseModel, SetUp, VarianceComponents, Weights, noise_model
+from identification.fit.noise import NoiseModel, Weights, noise_model
+from identification.fit.noise_parts import SetUp, VarianceComponents
 from identification.fit.optional_parts import Way, asked_for, averaged_trials
 from identification.fit.priors import PriorModel
 from identification.fit.sag import BesideWeight, sag_columns

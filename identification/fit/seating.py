@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 
 from identification.common.findings import Finding
-from identification.fit.noise import VarianceComponents
+from identification.fit.noise_parts import VarianceComponents
 from identification.fit.posterior import Posterior
 from identification.measurements import Measurements
 

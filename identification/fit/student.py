@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.tails import chi2_tail, f_tail
-from identification.fit.noise import NoiseModel, VarianceComponents, Weights
+from identification.fit.noise import NoiseModel, Weights
+from identification.fit.noise_parts import VarianceComponents
 
 Array = NDArray[np.float64]
 # Degrees of freedom that are tried; the last is the normal distribution, the prior's favourite.

@@ -12,14 +12,8 @@ from numpy.typing import NDArray
 
 from identification.fit.gram import NoiseGram
 from identification.fit.linearised import Linearised
-from identification.fit.noise import (
-    LARGEST_LOG,
-    MEMORY,
-    PARTS,
-    SMALLEST_LOG,
-    NoiseModel,
-    VarianceComponents,
-)
+from identification.fit.noise import NoiseModel
+from identification.fit.noise_parts import LARGEST_LOG, MEMORY, PARTS, SMALLEST_LOG, VarianceComponents
 from identification.fit.variance_prior import log_prior
 
 Array = NDArray[np.float64]

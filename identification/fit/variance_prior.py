@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import OPTIONAL, NoiseModel
+from identification.fit.noise import NoiseModel
+from identification.fit.noise_parts import OPTIONAL
 
 Array = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ LOG_DEGREES = 4.0
 
 
 def log_prior(model: NoiseModel, logs: Array) -> Array:
-    """ln prior (S,) of the logarithms (S, 6) of the components (noise.PARTS), each without its constant but for
+    """ln prior (S,) of the logarithms (S, 6) of the components (noise_parts.PARTS), each without its constant but for
     the optional ones, whose presence is weighed too.
 
     Stated, or the sensor: about 1 in the logarithm, normal below and Student above. Force error and re-seating that are not

@@ -7,7 +7,7 @@ import numpy as np
 from identification.common.findings import Finding
 from identification.common.quantities import two_sigma
 from identification.fit.mending import WORTH_TELLING, BadVisit
-from identification.fit.noise import MEMORY, SETUP, SetUp
+from identification.fit.noise_parts import MEMORY, SETUP, SetUp
 from identification.fit.posterior import Posterior
 from identification.fit.validation import Validation
 from identification.fit.visits import VisitScore, VisitTest

@@ -25,7 +25,8 @@ from identification.common.tails import chi2_above, chi2_surprise
 from identification.fit.discrepancy import discrepancies
 from identification.fit.fitted_model import WIDE, response
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import MEMORY, SETUP, NoiseModel, noise_model
+from identification.fit.noise import NoiseModel, noise_model
+from identification.fit.noise_parts import MEMORY, SETUP
 from identification.fit.own_response import LoadColumns, own_response
 from identification.fit.posterior import Posterior
 from identification.fit.sag import sag_columns

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.fit.noise import USUAL_SETUP, VarianceComponents
+from identification.fit.noise_parts import USUAL_SETUP, VarianceComponents
 from identification.fit.posterior import Posterior
 from identification.fit.student import log_tails
 from identification.fit.variance_components import ComponentPosterior

@@ -16,7 +16,7 @@ from identification.fit.mistakes.evidence import ORDINARY, ordinary
 from identification.fit.mistakes.first_look import refuse_absurd
 from identification.fit.mistakes.search import Candidate, Search, likeliest_at_a_glance, search
 from identification.fit.mistakes.units import common_factor, time_mistake, unit_mistake, unit_of
-from identification.fit.noise import VarianceComponents
+from identification.fit.noise_parts import VarianceComponents
 from identification.fit.posterior import Posterior, posterior
 
 Array = NDArray[np.float64]

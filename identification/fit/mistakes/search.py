@@ -16,7 +16,7 @@ from identification.fit.mistakes.evidence import log_evidence, ordinary
 from identification.fit.mistakes.look import WORTH, Guess, Look, log_lost
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.sizes import Size
-from identification.fit.noise import OPTIONAL
+from identification.fit.noise_parts import OPTIONAL
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.sag import BesideWeight
 from identification.model.effects_in_force import EFFECTS

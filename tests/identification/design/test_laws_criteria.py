@@ -10,7 +10,8 @@ from identification.design.information import instrument, run_information
 from identification.design.loads import Slot, loads_of, slot
 from identification.design.milling import MillingPoses, prediction_weight
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import VarianceComponents, noise_model
+from identification.fit.noise import noise_model
+from identification.fit.noise_parts import VarianceComponents
 from identification.measurements import Measurements
 from identification.model.compliance import compliance_matrix, regressor
 from identification.model.rotations import Frame

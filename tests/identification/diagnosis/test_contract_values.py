@@ -16,7 +16,7 @@ from identification.diagnosis.judgement import Judgement
 from identification.diagnosis.plan import judge_plan
 from identification.fit.fit import fit_stiffness
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import VarianceComponents
+from identification.fit.noise_parts import VarianceComponents
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from tests.support import compstiff

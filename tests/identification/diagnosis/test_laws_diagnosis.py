@@ -24,7 +24,7 @@ from identification.diagnosis.projection import Base, evidence
 from identification.diagnosis.replicates import AveragedNoise, FittedNoise
 from identification.fit.fitted_model import Term, predicted_deflection, response
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import MEMORY, SETUP, SetUp
+from identification.fit.noise_parts import MEMORY, SETUP, SetUp
 from identification.fit.posterior import posterior
 from identification.fit.variance_components import Trials
 from identification.measurements import Measurements, read_measurements

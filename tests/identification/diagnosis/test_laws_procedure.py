@@ -14,7 +14,7 @@ from identification.diagnosis.pages import _probabilities
 from identification.diagnosis.plan import PlanOutlook
 from identification.diagnosis.procedure import Procedure, beside
 from identification.fit.mistakes.judge import Mistakes
-from identification.fit.noise import VarianceComponents
+from identification.fit.noise_parts import VarianceComponents
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import SETUP, VarianceComponents, noise_model
+from identification.fit.noise import noise_model
+from identification.fit.noise_parts import SETUP, VarianceComponents
 from identification.fit.validation import _single
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell

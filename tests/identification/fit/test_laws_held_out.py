@@ -12,7 +12,8 @@ from identification.common.arrays import rms
 from identification.fit.fitted_model import Term, response
 from identification.fit.held_out import left_out, left_out_with_density, log_density, pose_names, poses
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import OPTIONAL, noise_model
+from identification.fit.noise import noise_model
+from identification.fit.noise_parts import OPTIONAL
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.student import log_tails
 from identification.measurements import read_measurements

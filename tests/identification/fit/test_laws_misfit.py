@@ -17,8 +17,8 @@ from identification.fit import misfit
 from identification.fit.fit import Fit, fit_stiffness
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.evidence import log_evidence
-from identification.fit.noise import SetUp
 from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
+from identification.fit.noise_parts import SetUp
 from identification.fit.posterior import posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell

@@ -14,7 +14,8 @@ from scipy.stats import halfcauchy, multivariate_normal, norm
 
 from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import SETUP, NoiseModel, SetUp, VarianceComponents
+from identification.fit.noise import NoiseModel
+from identification.fit.noise_parts import SETUP, SetUp, VarianceComponents
 from identification.fit.optional_parts import Way, asked_for, averaged_trials
 from identification.fit.posterior import posterior
 from identification.measurements import read_measurements

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal, multivariate_t
 
-from identification.fit.noise import VarianceComponents
+from identification.fit.noise_parts import VarianceComponents
 from identification.fit.own_response import own_response
 from identification.fit.student import DEGREES, log_tails, probability_beyond, tails
 

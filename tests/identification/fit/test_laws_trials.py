@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification.fit.noise import SetUp
+from identification.fit.noise_parts import SetUp
 from identification.fit.variance_components import trial_components
 
 

@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose
 
 from identification.fit.gram import NoiseGram
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import NoiseModel, SetUp, VarianceComponents
+from identification.fit.noise import NoiseModel
+from identification.fit.noise_parts import SetUp, VarianceComponents
 from identification.fit.posterior import _FittedModel, posterior
 from identification.fit.variance_components import _slopes, integrated_out, likeliest
 from identification.measurements import Measurements, read_measurements

@@ -17,7 +17,8 @@ from identification.diagnosis.dictionary import Dictionary, dictionary_of
 from identification.diagnosis.projection import Base, scores
 from identification.diagnosis.search import base_at
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import VarianceComponents, noise_model
+from identification.fit.noise import noise_model
+from identification.fit.noise_parts import VarianceComponents
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.effects import effects
