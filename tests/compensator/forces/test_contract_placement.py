@@ -417,8 +417,8 @@ def test_all_targets_of_a_gap_in_the_cut_are_told(tmp_path, lost: Sequence[int],
 def test_a_short_gap_takes_what_lies_between_its_ends_and_says_so(
     tmp_path: Path, lost: Sequence[int], count: int, between: list[int]
 ) -> None:
-    """Up to three targets, between two with force, in a cut four times as long as the stretch; the force is that of a smooth law
-    to what the stated error says, which covers a step in the gap as well."""
+    """Up to three targets, between two with force, in a cut four times as long as the stretch; the force is that of a smooth
+    law to what the stated error says, which covers a step in the gap as well."""
     number = np.arange(26)
 
     def law(step: bool) -> np.ndarray:
