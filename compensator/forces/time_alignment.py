@@ -150,7 +150,9 @@ def align(program: ProgramTime, time: Array, force: Array) -> TimeAlignment:
         inside &= (planned < first) | (planned >= last)
     covariance = regression.covariance(x, slips.slip, slips.independent)
     variance = covariance[0, 0] + 2 * away * covariance[0, 1] + away**2 * covariance[1, 1]
-    variance = np.maximum(variance, 0.0) + np.interp(time, regression.time, slips.std) ** 2
+    # A bin is not seen into.
+    variance = (np.maximum(variance, 0.0) + np.interp(time, regression.time, slips.std) ** 2
+                + (override * regression.bins.width) ** 2 / 12)
     place, move = np.interp(planned, program.time, program.length), np.clip(np.searchsorted(program.time, planned), 1,
                                                                            len(program.time) - 1)
     beside = sum((weight * (other - place) ** 2 for weight, other in _places(others_of_speed, time, middle)),

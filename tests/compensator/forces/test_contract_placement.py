@@ -466,3 +466,27 @@ def test_a_program_that_cuts_on_every_move_shows_no_zero(
     path: Any = SimpleNamespace(cell=SimpleNamespace(force_log=SimpleNamespace(bias=None)))
     settings: Any = SimpleNamespace(log=SimpleNamespace(tare=tare))
     assert [finding.code for finding in _without_zero(placed, path, settings)] == ["CS3087"] * said
+
+
+@pytest.mark.parametrize(("end", "back", "begins", "said"), [
+    (400.0, False, True, False), (400.0, False, False, True), (400.0, True, True, False), (400.0, True, False, True),
+    (150.0, False, True, True)])
+def test_a_log_by_path_length_counts_from_a_move_to_joint_angles_or_from_the_first_robtarget(
+    tmp_path: Path, end: float, back: bool, begins: bool, said: bool
+) -> None:
+    """As far as its end tells: the force, between 94 and 306 mm of the robtargets' path, is that of the targets there. A
+    MoveAbsJ at the end may be counted or not."""
+    home = "MoveAbsJ [[0,-5,5,0,40,0],[9E9,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs,v100,fine,tSpindle;"
+    moves = "\n".join(f"Move{'L' if i else 'J'} [[1000,{10 * i - 120},700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],"
+                      "[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;" for i in range(41))
+    text = f"MODULE M\nPROC main()\n{home}\n{moves}\n{home if back else ''}\nENDPROC\nENDMODULE\n"
+    (tmp_path / "cell.yaml").write_text(CELL)
+    path = robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(tmp_path / "cell.yaml"))
+    lead = 1e3 * float(np.linalg.norm(path.base_from_tcp.position[1] - path.base_from_tcp.position[0]))
+    assert lead > 100
+    place = np.arange(0 if not begins else -lead, end, 1.0)
+    rows = np.column_stack([place - place[0], 0 * place, 100.0 * ((place > 94) & (place < 306)), 0 * place])
+    (tmp_path / "forces.csv").write_text(log_text("path_mm,fx_n,fy_n,fz_n", rows))
+    forces = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell)
+    assert ("CS3129" in [finding.code for finding in forces.findings]) is said
+    assert np.flatnonzero(forces.wrench[:, 1] > 99).tolist() == [1 + i for i in range(10, 31) if 10 * i <= end]
