@@ -30,7 +30,7 @@ def forces_on(planned: Predicted, fine: RobotPath, grid: Grid, closest: Array) -
         given = planned.path.length
         known = ~np.isnan(given)
         # The chords of an arc are shorter than it is.
-        log = _on_their_moves(log, planned.path)
+        log = _on_their_moves(log, planned)
         log = replace(log, place=log.place + np.interp(log.place, given[known], (fine.length[kept] - given)[known]))
         air = kept[np.minimum(np.array(planned.settings.log.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
         # The tare was judged on the program itself.
@@ -57,14 +57,17 @@ def forces_on(planned: Predicted, fine: RobotPath, grid: Grid, closest: Array) -
                    standard_error=between(forces.standard_error), forced=forced)
 
 
-def _on_their_moves(log: ForceLog, path: RobotPath) -> ForceLog:
-    """The log without the rows of moves that a call leads to: they stand at the ends of these, and are taken elsewhere."""
-    order = path.toolpath.driven
+def _on_their_moves(log: ForceLog, planned: Predicted) -> ForceLog:
+    """The log without the rows of moves that a call leads to: they stand at the ends of these, and are taken elsewhere. Those at
+    targets that tell the zero stay."""
+    order = planned.path.toolpath.driven
     if order is None:
         return log
     led = np.flatnonzero(np.diff(order) != 1)
-    ends = path.length[np.unique(np.concatenate([order[led], order[led + 1]]))]
-    there = np.isin(log.place, ends)
+    ends = np.unique(np.concatenate([order[led], order[led + 1]]))
+    for first, last in planned.settings.log.tare:
+        ends = ends[(ends < first) | (ends > last)]
+    there = np.isin(log.place, planned.path.length[ends])
     return log.rows(~there) if there.any() and not there.all() else log
 
 
