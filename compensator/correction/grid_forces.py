@@ -58,8 +58,8 @@ def forces_on(planned: Predicted, fine: RobotPath, grid: Grid, closest: Array) -
 
 
 def _on_their_moves(log: ForceLog, planned: Predicted) -> ForceLog:
-    """The log without the rows of moves that a call leads to: they stand at the ends of these, and are taken elsewhere. Those at
-    targets that tell the zero stay."""
+    """The log without the rows of moves that a call leads to: they stand at the ends of these, and are taken elsewhere. Those
+    at targets that tell the zero stay."""
     order = planned.path.toolpath.driven
     if order is None:
         return log
