@@ -117,7 +117,7 @@ def place_forces(
     forced = without_gaps(forced, rows.samples > 0, ~moves_in_air(path.toolpath), own_mean[:, :3])
     standard_error = of_blocks(standard_error, rows.samples, rows.degrees(window), forced)
     if log.key == "target":
-        standard_error = np.hypot(standard_error, at_edges(rows, load[:, :3], forced))
+        standard_error = np.hypot(standard_error, at_edges(rows, load[:, :3], mean[:, :3], forced))
     wrench, standard_error = _to_base(mean, standard_error, log, path, cell)
     if log.spread is not None:
         spread = rows.mean(log.spread[on, None])
