@@ -6,7 +6,9 @@ in the air: there the tool is off the plan by its correction, into the stock, wh
 is by more than the tolerance, where the log last shows air, the first corrected target, or the last, goes so far only that it
 is by one sigma of the target's own deviation; what the target does not get is left as stock until the next one. What the
 scatter of the log explains there is no air for certain: a force that fades falls under what the log shows before it is none.
-With a part learned the tool stood off the plan in the air too, and the line takes it nearer: nothing is held then.
+With a part learned the tool stood off the plan in the air too, and the line takes it nearer: nothing is held then. Nor where no
+target can be added to the move at all, as of a loop, and less than half of it is air: that would leave all of the move for a
+little at its end; CS3091 says what is left.
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ from compensator.correction.restraint import TINY
 from identification.common.arrays import Array
 
 Indices = NDArray[np.intp]
+# Along a move to which no target can be added, so much of it is air before the other end is held for that.
+MOST = 0.5
 
 
 def air_beside(looked_at: LookedAt | None, targets: Indices) -> Array:
@@ -44,8 +48,9 @@ def air_beside(looked_at: LookedAt | None, targets: Indices) -> Array:
         for one, from_air in zip(here[pairs].tolist(), other[pairs].tolist(), strict=True):
             way = np.arange(at[from_air], at[one] + side, side)
             last = way[int(np.argmin(np.append(air[way[:-1]], False))) - 1]
+            refined = (looked_at.grid.crowded | looked_at.grid.divisible)[way[1:-1]].any()
             q = abs(place[last] - place[way[0]]) / max(abs(place[way[-1]] - place[way[0]]), TINY)
-            if q * yields[at[one]] > SIGMAS * looked_at.noise[last]:
+            if (refined or q > MOST) and q * yields[at[one]] > SIGMAS * looked_at.noise[last]:
                 row = int(np.searchsorted(targets, number[one]))
                 share[row] = max(share[row], q)
     return share

@@ -156,7 +156,9 @@ def _findings(looked_at: LookedAt, points: Indices, left: Array) -> tuple[Findin
         (over & ~beside & near, "CS3091", "note", f"the force changes within {spacing}, or a correction is held back",
          "the entry into and the exit from a cut are such places"),
         (over & ~beside & ~near, "CS3091", "warning", "no target can be added to the move" if not settings.keep_targets else
-         "no target is added (--keep-targets)", "inline moves that follow each other directly can be refined"))
+         "no target is added (--keep-targets)", "without --keep-targets, moves that follow each other directly are refined" if
+         settings.keep_targets else "targets are added where moves stand one a line: let the post write those of a loop or a "
+         "routine so"))
     findings = []
     for mask, code, level, why, hint in reasons:
         if mask.any():

@@ -274,9 +274,10 @@ def _beside_air(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tupl
     worst = int(np.argmax(held))
     return result, [loaded.path.finding(
         int(loaded.targets[worst]), "CS4119", "note",
-        f"the tool touches or leaves the stock nearer to a target in the air than targets may stand: beside "
-        f"it {counted(told, 'correction', 'are')} held back, by up to {1e6 * held[worst]:.0f} um, not to cut before the touch",
-        "a target of the program's own where the tool touches, or --min-spacing if the controller takes less")]
+        f"the tool touches or leaves the stock nearer to a target in the air than one can be added: "
+        f"{counted(told, 'correction', 'are')} held back beside it, by up to {1e6 * held[worst]:.0f} um, so as not to cut "
+        f"where the log shows air",
+        "a target of the program's own where the tool touches or leaves, or --min-spacing if the controller takes less")]
 
 
 def _limited(loaded: LoadedPath, offset: Array, slope: float) -> Array:

@@ -12,7 +12,8 @@ from compensator.correction.fine_grid import FULL, Grid
 from compensator.correction.force_changes import noise_of_one
 from compensator.correction.needed_targets import untouched, window_means, windows
 from compensator.correction.predict import Predicted
-from compensator.forces.placement import TargetForces, place_forces
+from compensator.forces.placement import ForceLog, TargetForces, place_forces
+from compensator.forces.program_time import moves_in_air
 from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Move
@@ -29,15 +30,17 @@ def forces_on(planned: Predicted, fine: RobotPath, grid: Grid, closest: Array) -
         given = planned.path.length
         known = ~np.isnan(given)
         # The chords of an arc are shorter than it is.
+        log = _on_their_moves(log, planned)
         log = replace(log, place=log.place + np.interp(log.place, given[known], (fine.length[kept] - given)[known]))
         air = kept[np.minimum(np.array(planned.settings.log.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
         # The tare was judged on the program itself.
-        placed = place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air], trust_tare=True)
-        placed = _without_short_gaps(_centred(placed, fine), place_of(fine), closest)
+        placed = place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air], trust_tare=True,
+                              fill_gaps=False)
+        placed = _still_at_touch(_without_short_gaps(_centred(placed, fine), place_of(fine), closest), planned, grid)
         of_arc = grid.further & np.isin(planned.path.toolpath.move[grid.owner], (Move.ARC_VIA, Move.ARC_END))
         of_cut = np.zeros(len(grid.owner), dtype=bool)
         of_cut[kept[forces.forced[grid.targets]]] = True
-        return _between_samples(placed, place_of(fine), np.flatnonzero(of_cut | of_arc))
+        return _unsure_at_steps(_between_samples(placed, place_of(fine), np.flatnonzero(of_cut | of_arc)), kept)
     own = ~grid.further
     number = np.interp(np.arange(len(own)), kept, np.arange(len(kept)))
     before = np.floor(number).astype(np.intp)
@@ -52,6 +55,35 @@ def forces_on(planned: Predicted, fine: RobotPath, grid: Grid, closest: Array) -
     forced = forces.forced[low] & (own | forces.forced[high])
     return replace(forces, wrench=np.where(forced[:, None], between(forces.wrench), 0.0), samples=samples,
                    standard_error=between(forces.standard_error), forced=forced)
+
+
+def _on_their_moves(log: ForceLog, planned: Predicted) -> ForceLog:
+    """The log without the rows of moves that a call leads to: they stand at the ends of these, and are taken elsewhere. Those
+    at targets that tell the zero stay."""
+    order = planned.path.toolpath.driven
+    if order is None:
+        return log
+    led = np.flatnonzero(np.diff(order) != 1)
+    ends = np.unique(np.concatenate([order[led], order[led + 1]]))
+    for first, last in planned.settings.log.tare:
+        ends = ends[(ends < first) | (ends > last)]
+    there = np.isin(log.place, planned.path.length[ends])
+    return log.rows(~there) if there.any() and not there.all() else log
+
+
+def _still_at_touch(placed: TargetForces, planned: Predicted, grid: Grid) -> TargetForces:
+    """A slow log may have no sample at a target to which the tool comes at the air feed: where the last one before it shows no
+    force there is none at the target either, as if one had been taken there. The tool may leave by the air out of a cut."""
+    sampled = np.flatnonzero(placed.samples > 0)
+    reached = grid.kept[moves_in_air(planned.path.toolpath)[grid.targets] & (placed.samples[grid.kept] == 0)
+                        & ~placed.forced[grid.kept]]
+    if not len(sampled):
+        return placed
+    before = np.searchsorted(sampled, reached) - 1
+    still = reached[(before >= 0) & ~placed.forced[sampled[np.maximum(before, 0)]]]
+    samples = placed.samples.copy()
+    samples[still] = 1
+    return replace(placed, samples=samples)
 
 
 def _centred(placed: TargetForces, fine: RobotPath) -> TargetForces:
@@ -107,6 +139,26 @@ def _between_samples(placed: TargetForces, place: Array, stay: Indices) -> Targe
     return replace(placed, wrench=wrench, forced=forced)
 
 
+def _around(placed: TargetForces, points: Indices) -> tuple[Indices, Indices]:
+    """The sampled points before and behind each of these (n,); the last one at either end."""
+    sampled = np.flatnonzero(placed.samples > 0)
+    before, behind = np.searchsorted(sampled, points, side="left") - 1, np.searchsorted(sampled, points, side="right")
+    return sampled[np.maximum(before, 0)], sampled[np.minimum(behind, len(sampled) - 1)]
+
+
+def _unsure_at_steps(placed: TargetForces, points: Indices) -> TargetForces:
+    """The standard error at these points (n,) with what a step of the force makes of it, which lies anywhere between the
+    sampled points on either side: a force v between b and a is a or b, and its variance (v - b)(a - v) in each component."""
+    if not (placed.samples > 0).any():
+        return placed
+    before, behind = _around(placed, points)
+    force = np.where(placed.forced[:, None], placed.wrench[:, :3], 0.0)
+    variance = np.maximum((force[points] - force[before]) * (force[behind] - force[points]), 0.0)
+    standard_error = placed.standard_error.copy()
+    standard_error[points] = np.hypot(np.nan_to_num(standard_error[points]), np.sqrt(variance))
+    return replace(placed, standard_error=standard_error)
+
+
 def place_of(path: RobotPath) -> Array:
     """Path length (G,) [m], known everywhere and ascending."""
     return np.maximum.accumulate(np.nan_to_num(path.length))
@@ -125,9 +177,12 @@ def noise_of(placed: TargetForces) -> Array:
     return np.asarray(one / np.sqrt(np.maximum(weight, 1))[:, None] * (weight > 0)[:, None])
 
 
-def averaged(planned: TargetForces, placed: TargetForces, grid: Grid, place: Array, at: Indices) -> TargetForces:
+def averaged(
+    planned: TargetForces, placed: TargetForces, grid: Grid, place: Array, at: Indices, by_place: NDArray[np.bool_]
+) -> TargetForces:
     """The forces of the points `at` (n,) of a grid as a program's targets, out of those placed on all of it, path lengths place
-    (G,) [m]; one of the program's own without a new neighbour keeps what was planned."""
+    (G,) [m]; one of the program's own without a new neighbour keeps what was planned, but for those `by_place` (G,), which take
+    what there is at their very place."""
     weight = weight_of(placed)
     first, last = windows(place, at)
     samples = np.concatenate([[0], np.cumsum(placed.samples)])
@@ -141,6 +196,10 @@ def averaged(planned: TargetForces, placed: TargetForces, grid: Grid, place: Arr
     standard_error = np.where(wide, np.sqrt(squares[last] - squares[first]) / size, own_error)
     count = samples[last] - samples[first]
     alone = untouched(~grid.further, at)
+    there = alone & by_place[at]
+    wrench[there] = np.where(forced[there, None], placed.wrench[at[there]], 0.0)
+    standard_error[there], count[there] = own_error[there], placed.samples[at[there]]
+    alone &= ~there
     own = grid.owner[at[alone]]
     wrench[alone], standard_error[alone] = planned.wrench[own], planned.standard_error[own]
     count[alone], forced[alone] = planned.samples[own], planned.forced[own]

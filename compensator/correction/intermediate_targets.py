@@ -20,7 +20,7 @@ from compensator.correction.force_changes import pieces_to_look_at, shortest_pie
 from compensator.correction.grid_forces import among_others, averaged, forces_on, noise_of, place_of, weight_of
 from compensator.correction.grid_path import asks_for_all, grid_path
 from compensator.correction.loaded_path import LoadedPath
-from compensator.correction.needed_targets import Wanted, needed_points
+from compensator.correction.needed_targets import SIGMAS, Wanted, needed_points
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
 from compensator.forces.placement import TargetForces
@@ -32,6 +32,7 @@ from identification.model.inverse import configuration
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 # Points are added until the grid's points keep so much of the tolerance: the rest is for what lies between those.
 AIM = 0.8
 
@@ -77,13 +78,13 @@ def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, L
                          whole=asks_for_all(planned, pieces))
         if grid is None:
             return planned, as_given, None
-        looked_at, placed = _needed(planned, grid, grid_path(path, grid), spacing)
-        if len(looked_at.at) == len(grid.kept):
+        looked_at, placed, by_place = _needed(planned, grid, grid_path(path, grid), spacing)
+        if len(looked_at.at) == len(grid.kept) and not by_place.any():
             return planned, as_given, looked_at
         text, added = _rewritten(planned.program.text, path, looked_at)
         with_more = robot_path(text.toolpath, path.cell)
     kept = as_given + np.cumsum(added)
-    of_part = averaged(planned.forces, placed, grid, place_of(looked_at.fine.path), looked_at.at)
+    of_part = averaged(planned.forces, placed, grid, place_of(looked_at.fine.path), looked_at.at, by_place)
     forces = among_others(planned.forces, kept, of_part, looked_at.number)
     targets, _ = targets_to_correct(with_more, forces)
     loaded = LoadedPath(with_more, forces, planned.model, targets, planned.loaded.learned)
@@ -94,9 +95,10 @@ def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, L
                    prediction=predict_path(loaded), findings=(*planned.findings, *findings)), kept, looked_at
 
 
-def _needed(planned: Predicted, grid: Grid, path: RobotPath, spacing: Array) -> tuple[LookedAt, TargetForces]:
-    """The points of the grid, and the arcs, that the deviation along the moves asks for, and the forces on the grid. spacing
-    (N,) [m]: the closest targets each move may have."""
+def _needed(planned: Predicted, grid: Grid, path: RobotPath, spacing: Array) -> tuple[LookedAt, TargetForces, Mask]:
+    """The points of the grid, and the arcs, that the deviation along the moves asks for; the forces on the grid; and which
+    points (G,) are targets of the program that take the force of their very place. spacing (N,) [m]: the closest targets each
+    move may have."""
     placed = forces_on(planned, path, grid, spacing[grid.owner])
     # Where the log has no sample it asks for nothing.
     known = (placed.forced | (placed.samples > 0)) & path.reached & (grid.toolpath.block == "")
@@ -117,6 +119,8 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath, spacing: Array) -> 
     deviation[:] = own
     # In the air there is nothing to correct, whatever was learned of it.
     deviation[points] = np.where(placed.forced[points, None], prediction.position, 0.0)
+    by_place = _by_place(grid, known, own, deviation, noise, planned.settings.correction.tolerance)
+    own[by_place] = deviation[by_place]
     noise[points] = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
     axes, corner = path.axes, np.zeros(len(grid.toolpath), dtype=bool)
     corner[grid.kept] = np.isin(grid.targets, planned.targets[sharp_corners(planned.path, planned.targets)])
@@ -125,7 +129,15 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath, spacing: Array) -> 
         planned.slope, known, placed.forced, place_of(path), weight_of(placed), path.rest_from_tcp.position,
         spacing[grid.owner], corner))
     fine = replace(planned, loaded=replace(loaded, forces=placed), prediction=prediction)
-    return LookedAt(grid, fine, noise, np.flatnonzero(have), arcs), placed
+    return LookedAt(grid, fine, noise, np.flatnonzero(have), arcs), placed, by_place
+
+
+def _by_place(grid: Grid, known: Mask, own: Array, deviation: Array, noise: Array, tolerance: float) -> Mask:
+    """The program's targets among the points (G,) which the mean over half of either move would leave farther off than they
+    were uncorrected, by more than the tolerance [m] beyond the scatter: `own` (G, 3) [m] by that mean against the `deviation`
+    (G, 3) [m] at the place itself. So it is where the cut begins or ends at a target."""
+    off, before = np.linalg.norm(own - deviation, axis=1), np.linalg.norm(deviation, axis=1)
+    return np.asarray(~grid.further & known & (off - before > tolerance + SIGMAS * noise))
 
 
 def _rewritten(program: RapidProgram, path: RobotPath, looked_at: LookedAt) -> tuple[RapidProgram, Indices]:

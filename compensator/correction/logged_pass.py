@@ -102,10 +102,11 @@ def known_before(
 
 
 def _too_soft(value: float, predicted: Predicted) -> tuple[Finding, ...]:
-    """A warning (CS4126) for a cutting stiffness [N/m] by which the force would be that of a depth no cutter reaches."""
+    """A warning (CS4126) for a cutting stiffness [N/m] by which the force would be that of a depth no cutter reaches; of
+    0 the force follows no cut."""
     _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
     push = float(np.median(across[predicted.targets])) if len(predicted.targets) else 0.0
-    if push <= DEEPEST * value:
+    if not 0 < DEEPEST * value < push:
         return ()
     return (Finding("CS4126", "warning", f"with a cutting stiffness of {1e-3 * value:g} N/mm the push across of {push:.0f} N "
                     f"would be that of a cut {1e3 * push / value:.0f} mm deep", file=str(predicted.cell.source),

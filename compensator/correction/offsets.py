@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.correct import Corrected
 from compensator.correction.predict import Predicted
-from compensator.forces.placement import without_sample_in_cut
+from compensator.forces.gaps import without_sample_in_cut
 from identification.common.added_targets import ADDED, added_text
 from identification.common.arrow import number_column, text_column
 
@@ -135,7 +135,7 @@ def _blocks(
 
 def _held(predicted: Predicted) -> NDArray[np.bool_]:
     """The targets (N,) of which no force is known, since the log stood still there, or has no sample in the middle of a cut."""
-    held = without_sample_in_cut(predicted.path, predicted.forces)
+    held = without_sample_in_cut(predicted.path, predicted.forces.samples, predicted.forces.forced)
     held[predicted.targets] = False
     held[predicted.forces.held] = True
     return held

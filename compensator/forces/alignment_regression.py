@@ -81,7 +81,7 @@ class Regression:
 
     def __init__(self, program: ProgramTime, bins: Bins, middle: float) -> None:
         kept = bins.weight > 0
-        self.program, self.time, self.middle = program, bins.time[kept], middle
+        self.program, self.bins, self.time, self.middle = program, bins, bins.time[kept], middle
         self.force = bins.force[kept] - bins.force[kept].mean(axis=0)
         self.energy = float(np.sum(self.force**2))
         self._columns = 1 + 4 * (int(program.kind.max()) + 1)

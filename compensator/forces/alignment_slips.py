@@ -16,6 +16,8 @@ from identification.common.autocorrelation import autocorrelation_time
 # The slip of a stretch against the straight line: at most REACH periods, WALK periods (1 sigma) from stretch to stretch, on so
 # many states; stretches are cut into pieces of at most LONGEST [s].
 REACH, WALK, STATES, LONGEST, ROUNDS = 0.4, 0.03, 61, 10.0, 3
+# Where the slips lie in so small a part of their reach they are looked for in that alone, down to steps of this [s].
+NARROWER, FINEST = 4, 5e-3
 # A stretch is odd whose residual is more than this share of the energy of its force and of what the program predicts.
 ODD = 0.5
 
@@ -38,8 +40,23 @@ class Slips:
 def stretch_slips(regression: Regression, x: Array) -> Slips:
     """The slips about the alignment x: the states of the walk weighed by the residual of each stretch alone (forward and
     backward), the regression with the slips in turn."""
+    return _slips_within(regression, x, REACH * regression.program.period)
+
+
+def fine_slips(regression: Regression, x: Array) -> Slips:
+    """The same with states as fine as the slips are known."""
+    reach = REACH * regression.program.period
+    slips = _slips_within(regression, x, reach)
+    while 2 * reach / STATES > FINEST and np.max(np.abs(slips.slip) + 4 * slips.std, initial=0.0) < reach / NARROWER:
+        reach /= NARROWER
+        slips = _slips_within(regression, x, reach)
+    return slips
+
+
+def _slips_within(regression: Regression, x: Array, reach: float) -> Slips:
+    """The slips of at most `reach` [s]."""
     period, borders = regression.program.period, stretch_borders(regression.program)
-    states = np.linspace(-REACH * period, REACH * period, STATES)
+    states = np.linspace(-reach, reach, STATES)
     step = -0.5 * ((states[:, None] - states) / (WALK * period)) ** 2
     start = -0.5 * (states / (0.5 * REACH * period)) ** 2
     planned = regression.planned(x)

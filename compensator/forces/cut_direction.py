@@ -235,7 +235,9 @@ def _fitting(cuts: Travel, forces: Mapping[str, Array], stated: str, here: CutDi
 def _untold(why: str, source: str, stated: bool) -> Finding:
     """These forces fit either sign (CS3071). Nobody answers for one that cell.yaml does not state."""
     more = "" if stated else "; then state force_log.sign in cell.yaml"
+    what = ("force_log.sign is taken as cell.yaml states it, this log does not tell: " if stated else
+            "this log does not tell whether force_log.sign is right: ")
     return Finding(
-        "CS3071", "note" if stated else "warning", f"this log does not tell whether force_log.sign is right: {why}",
+        "CS3071", "note" if stated else "warning", f"{what}{why}",
         file=source, hint="with the wrong sign the correction doubles the error: once for a cell, push the tool by hand in a "
         f"known direction and look at the log{more}")

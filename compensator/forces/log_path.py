@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.forces.home import counted_from_home
 from compensator.forces.log import ForceLog
 from compensator.forces.map_matching import match_forwards, match_nearest_pass
 from compensator.forces.time_log import place_by_time
@@ -46,6 +47,7 @@ def placed_rows(log: ForceLog, path: RobotPath) -> tuple[ForceLog, NDArray[np.bo
     """The log as of `on_path`, with all its rows, and which of them (M,) have no known place. Raises as `on_path`."""
     if not log.on_path and log.key == "path_mm":
         _check_unit(log, log.place[:, None], path.length[np.isfinite(path.length), None], "path_mm is")
+        log = counted_from_home(log, path)
         return _before_unknown(replace(log, place=_in_time(log, log.place, path), on_path=True), path)
     placed = _on_path(log, path)
     return placed, np.zeros(len(placed.place), dtype=bool)

@@ -14,6 +14,8 @@ from compensator.forces.cut_direction import said_of_direction, travel
 from compensator.forces.detection import SIGMAS, over_noise, over_scatter, without_gaps
 from compensator.forces.driven_feed import said_of_feed
 from compensator.forces.driven_moves import as_driven
+from compensator.forces.edges import at_edges
+from compensator.forces.gaps import filled, short_gaps, without_sample_in_cut
 from compensator.forces.late_forces import said_of_delay
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.one_pass import check_once, said_of_lost, targets_of
@@ -82,14 +84,15 @@ class TargetForces:
 
 def place_forces(
     log: ForceLog, path: RobotPath, cell: Cell, *, tare: Range | Sequence[Range] | None = None,
-    trust_tare: bool = False
+    trust_tare: bool = False, fill_gaps: bool = True
 ) -> TargetForces:
     """Averages the samples around each target, takes off bias and weight, and turns the mean into the base frame at the TCP.
 
     tare: first and last target of an air stretch, or several such. Their mean is the sensor's bias (zero.py), and their scatter
     says what a mean of so many samples shows without any force: targets within 5 sigma of that are without force. Without a
     tare the scatter about each mean itself decides. trust_tare: one that the log speaks against is used, with a warning. Short
-    gaps of small force inside a cut, at its feed, belong to the cut.
+    gaps of small force inside a cut, at its feed, belong to the cut; fill_gaps: those without a sample take what lies between
+    (gaps.py).
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, CS3119 it goes twice over it, and what
     `as_driven` and `zero_of` raise.
     """
@@ -113,15 +116,22 @@ def place_forces(
         own_mean, rows, zero.noise, zero.tared)
     forced = without_gaps(forced, rows.samples > 0, ~moves_in_air(path.toolpath), own_mean[:, :3])
     standard_error = of_blocks(standard_error, rows.samples, rows.degrees(window), forced)
+    if log.key == "target":
+        standard_error = np.hypot(standard_error, at_edges(rows, load[:, :3], mean[:, :3], forced))
     wrench, standard_error = _to_base(mean, standard_error, log, path, cell)
     if log.spread is not None:
         spread = rows.mean(log.spread[on, None])
         standard_error = np.hypot(standard_error, _misplaced(path.length, wrench[:, :3], spread))
-    forces = TargetForces(np.where(forced[:, None], wrench, 0.0), rows.samples.astype(np.intp), standard_error, forced,
+    samples = rows.samples.astype(np.intp)
+    gaps = short_gaps(path, samples, forced, held) if fill_gaps and log.predicted is None else []
+    between, with_gaps = filled(path, wrench, standard_error, forced, gaps), forced.copy()
+    with_gaps[between] = True
+    forces = TargetForces(np.where(with_gaps[:, None], wrench, 0.0), samples, standard_error, with_gaps,
                           zero.bias, (), log.without_rows() if log.key == "target" else log,
                           *_of_predicted(log, on, rows, forced), zero_std=_drifted(own_mean, path, rows, zero, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
-                 *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
+                 *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces, between),
+                 *_in_air(log, path, forces),
                  *_driven_in_air(log, path, forces),
                  *(said_of_feed(log, path, forced) if log.predicted is None else ()), *said_of_delay(log, path),
                  *(_direction(log, path, cell, forced, wrench, mean) if log.predicted is None else ())]
@@ -299,24 +309,22 @@ def _weak(log: ForceLog, path: RobotPath, forces: TargetForces, saturated: Indic
     return findings
 
 
-def without_sample_in_cut(path: RobotPath, forces: TargetForces) -> NDArray[np.bool_]:
-    """The targets (N,) without a sample in the cut, on from one with force or up to one."""
-    empty, forced = forces.samples == 0, forces.forced
-    run = np.cumsum(np.diff(empty, prepend=False))
-    beside = np.unique(np.concatenate([run[1:][empty[1:] & forced[:-1]], run[:-1][empty[:-1] & forced[1:]]]))
-    return np.asarray(empty & np.isin(run, beside) & ~moves_in_air(path.toolpath))
-
-
-def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:
-    """Targets without a sample in the cut, on from one with force or up to one: they stay where they are, and that leaves a
-    step."""
-    empty, inside = forces.samples == 0, np.flatnonzero(without_sample_in_cut(path, forces))
+def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces, between: Indices) -> list[Finding]:
+    """Targets without a sample: those in short gaps of a cut, which are `between` (n,) others, and those that stay where they
+    are, which in the cut leaves a step."""
+    empty = forces.samples == 0
+    inside = np.flatnonzero(without_sample_in_cut(path, forces.samples, forces.forced))
     level: Level = "warning" if 2 * empty.sum() > len(empty) else "note"
     findings = []
-    if empty.any():
+    if empty.sum() > len(between):
         findings.append(Finding(
-            "CS3011", level, f"{int(empty.sum())} of {counted(len(empty), 'target')} got no sample: left where planned",
-            file=log.source, hint="is it the log of this program?" if level == "warning" else ""))
+            "CS3011", level, f"{int(empty.sum()) - len(between)} of {counted(len(empty), 'target')} got no sample: left where "
+            "planned", file=log.source, hint="is it the log of this program?" if level == "warning" else ""))
+    if len(between):
+        findings.append(Finding(
+            "CS3014", level, f"{counted(len(between), 'target')} of the cut without a sample {verb(len(between), 'take')} what "
+            f"lies between the forces on either side: {_listed(between)}", **_at(path, int(between[0])),
+            hint="log at a higher rate; what may lie between is in their sigma"))
     if len(inside):
         findings.append(Finding(
             "CS3012", "warning", f"{counted(len(inside), 'target')} of the cut without a sample, beside targets with force: "

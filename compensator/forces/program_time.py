@@ -29,13 +29,14 @@ HINT = "log the column target, or x_mm y_mm z_mm (TCP in the work object), with 
 class ProgramTime:
     """time (N,) [s] and length (N,) [m] at which each target is reached, ascending; air (N,): the move to the target does not
     cut; kind (N,): moves of one number cut alike, such as those of one feed; direction (N, 3): unit vector of the move to it,
-    in the log's frame."""
+    in the log's frame. slowed (N,) [s]: how much of the time is for speeding up and braking; None: it is not known."""
 
     time: Array
     length: Array
     air: Flags
     kind: Indices
     direction: Array
+    slowed: Array | None = None
 
     def __post_init__(self) -> None:
         read_only(self.time, self.length, self.air, self.kind, self.direction)
@@ -44,6 +45,11 @@ class ProgramTime:
     def duration(self) -> float:
         """Of the whole program [s]."""
         return float(self.time[-1] - self.time[0])
+
+    def with_slowing(self, share: float) -> ProgramTime:
+        """The program as a robot drives it that takes this share of the time for speeding up and braking."""
+        slowed = np.zeros_like(self.time) if self.slowed is None else self.slowed
+        return ProgramTime(self.time + (share - 1) * slowed, self.length, self.air, self.kind, self.direction, share * slowed)
 
     @cached_property
     def speed(self) -> Array:
@@ -133,7 +139,9 @@ def program_time(path: RobotPath) -> ProgramTime:
                     hint=f"declare the speed in this file, or {HINT}")
     length = path.length
     air = moves_in_air(toolpath)
-    return ProgramTime(robot_time.time, length, air, kinds_of_cut(toolpath.feed, air, length), travel_in_log(path))
+    at_feed = np.where(legs.linear, np.fmin(robot_time.programmed, robot_time.duration), robot_time.duration)
+    return ProgramTime(robot_time.time, length, air, kinds_of_cut(toolpath.feed, air, length), travel_in_log(path),
+                       np.cumsum(np.nan_to_num(robot_time.duration - at_feed)))
 
 
 def travel_in_log(path: RobotPath) -> Array:

@@ -11,6 +11,7 @@ the program runs, as in the log of any job: the program must tell of its changes
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from compensator.forces.alignment_leaps import leaps
 from compensator.forces.alignment_regression import Regression, binned, plateau_share
 from compensator.forces.alignment_search import FASTEST, SLOWEST, candidates
-from compensator.forces.alignment_slips import Slips, stretch_slips
+from compensator.forces.alignment_slips import Slips, fine_slips, stretch_slips
 from compensator.forces.program_time import ProgramTime
 from identification.common.arrays import Array, read_only
 
@@ -34,6 +35,9 @@ LOWEST_SCORE, LOWEST_SHARE, MOST_ODD = 15.0, 0.5, 1
 # over more, entries and corners are not told from what lies between them (engineering judgement; right logs have 0.8, 0.1 and
 # 5 mm or better, docs/benchmarks/forces.md).
 BEYOND_PLATEAU, MOST_IN_AIR, MOST_SPREAD = 0.5, 0.25, 10e-3
+# How much a robot speeds up and brakes no data sheet says: shares of the time that the program's timing takes for it, which are
+# looked at beside that, and how unlikely one may be that still counts as possible.
+SLOWINGS, POSSIBLE = (0.0, 0.25, 0.5, 0.75, 1.5, 2.0), 0.01
 # A log that begins and ends inside the program has less to tell it from others: it must be of this share of it. All three logs
 # of other rasters that were placed once were of less than half (benchmarks/foreign_logs.py, seed 41).
 LEAST_COVERED = 0.55
@@ -129,7 +133,7 @@ def align(program: ProgramTime, time: Array, force: Array) -> TimeAlignment:
                for start, override in candidates(program, binned(time, force, span / coarse))]
     values = np.array([slips.value for _, slips in refined])
     likeliest = int(np.argmin(values))
-    x, slips = refined[likeliest]
+    slips = refined[likeliest][1]
     # An alignment is another one if it puts the samples elsewhere by more than half a stretch on average.
     apart = np.array([float(np.mean(np.abs(other.planned - slips.planned))) for _, other in refined])
     others = np.flatnonzero(apart > 0.5 * program.typical_stretch)
@@ -137,7 +141,8 @@ def align(program: ProgramTime, time: Array, force: Array) -> TimeAlignment:
     if len(others):
         second = int(others[np.argmin(values[others])])
         score, rival = slips.independent * float(values[second] - values[likeliest]), float(apart[second])
-    override = float(np.exp(x[1]))
+    regression, x, slips, others_of_speed = _by_slowing(regression, refined[likeliest][0])
+    program, override = regression.program, float(np.exp(x[1]))
     away = override * (time - middle)
     planned = x[0] + away + np.interp(time, regression.time, slips.slip)
     inside = (planned >= program.time[0]) & (planned <= program.time[-1])
@@ -145,16 +150,55 @@ def align(program: ProgramTime, time: Array, force: Array) -> TimeAlignment:
         inside &= (planned < first) | (planned >= last)
     covariance = regression.covariance(x, slips.slip, slips.independent)
     variance = covariance[0, 0] + 2 * away * covariance[0, 1] + away**2 * covariance[1, 1]
-    std = np.sqrt(np.maximum(variance, 0.0) + np.interp(time, regression.time, slips.std) ** 2)
-    move = np.clip(np.searchsorted(program.time, planned), 1, len(program.time) - 1)
-    spread = np.where(inside, std * program.speed[move], np.nan)
+    # A bin is not seen into.
+    variance = (np.maximum(variance, 0.0) + np.interp(time, regression.time, slips.std) ** 2
+                + (override * regression.bins.width) ** 2 / 12)
+    place, move = np.interp(planned, program.time, program.length), np.clip(np.searchsorted(program.time, planned), 1,
+                                                                           len(program.time) - 1)
+    beside = sum((weight * (other - place) ** 2 for weight, other in _places(others_of_speed, time, middle)),
+                 np.zeros(len(place)))
+    spread = np.where(inside, np.sqrt(variance * program.speed[move] ** 2 + beside), np.nan)
+    std = np.sqrt(variance + beside / np.maximum(program.speed[move], 1e-6) ** 2)
     on_cuts = spread[inside & ~program.air[move]]
     return TimeAlignment(
-        np.where(inside, np.interp(planned, program.time, program.length), np.nan), middle - float(x[0]) / override, override,
+        np.where(inside, place, np.nan), middle - float(x[0]) / override, override,
         float(np.max(np.abs(slips.slip), initial=0.0)), score, slips.share, rival, slips.odd,
         plateau_share(binned(time, force, span / coarse)), regression.force_in_air(x, slips.slip), np.asarray(std),
         np.asarray(spread), float(np.median(on_cuts)) if len(on_cuts) else np.inf, leaps(regression, x, slips.slip),
         float(np.ptp(planned[inside])) / program.duration if inside.any() else 0.0)
+
+
+Alternative = tuple[float, Regression, Array, Slips]
+
+
+def _by_slowing(regression: Regression, x: Array) -> tuple[Regression, Array, Slips, list[Alternative]]:
+    """The alignment near x of the share of the time for speeding up and braking that is the likeliest, and the others that are
+    possible, each with its probability against that."""
+    found = [(regression, *_finely(regression, x))]
+    program = regression.program
+    for share in SLOWINGS if program.slowed is not None and program.slowed[-1] > 0 else ():
+        other = program.with_slowing(share)
+        start = x + 0.0
+        start[0] = np.interp(x[0], program.time, other.time)
+        start[1] += np.log(other.duration / program.duration)
+        there = Regression(other, regression.bins, regression.middle)
+        found.append((there, *_finely(there, start)))
+    best = min(found, key=lambda one: one[2].value)
+    likely = [float(np.exp(-best[2].independent * (one[2].value - best[2].value))) for one in found]
+    return (*best, [(weight / sum(likely), *one) for weight, one in zip(likely, found, strict=True)
+                    if one is not best and weight > POSSIBLE])
+
+
+def _finely(regression: Regression, x: Array) -> tuple[Array, Slips]:
+    x = _refined(regression, x)[0]
+    return x, fine_slips(regression, x)
+
+
+def _places(found: list[Alternative], time: Array, middle: float) -> Iterator[tuple[float, Array]]:
+    """The probability of each alignment and where (M,) [m] it puts samples at these times (M,) [s]."""
+    for weight, regression, x, slips in found:
+        planned = x[0] + np.exp(x[1]) * (time - middle) + np.interp(time, regression.time, slips.slip)
+        yield weight, np.interp(planned, regression.program.time, regression.program.length)
 
 
 def _refined(regression: Regression, x: Array) -> tuple[Array, Slips]:

@@ -287,8 +287,9 @@ def _others(scan: Scan, places: Places, elsewhere: Mapping[int, Elsewhere]) -> l
         findings.append(places.offset(
             "CS2051", "note" if JOINED in scan.source.data else "warning", f"the file holds {len(scan.modules)} modules: "
             "their targets are counted one module after the other, and their tools and work objects are all used",
-            scan.modules[1:2],
-            "a controller loads one module a file: correct with --modules writes each in a file of its own"))
+            scan.modules[1:2], "a controller loads one module a file: " + (
+                "a call of correct with all of them, or with --modules, writes each in a file of its own"
+                if JOINED in scan.source.data else "correct with --modules writes each in a file of its own")))
     if scan.stray >= 0:
         findings.append(places.offset("CS2030", "warning", "the text from here to the end of the file is no RAPID statement "
                                       "and was skipped", [scan.stray], "check that the file is complete"))

@@ -168,6 +168,8 @@ def test_a_stiffness_in_another_unit_is_told(sample: Corrected) -> None:
     for value in np.random.default_rng(4126).uniform(2, 500, 30):
         assert said(float(value)) == []
     assert said(0.009) == ["CS4126"]
+    # As benchmarks/end_to_end.py states it: the force follows no cut.
+    assert said(0.0) == []
 
 
 @pytest.mark.parametrize(("value", "word"), [("115", "is over 10"), ("0.1", "is under 0.2"), ("0.9", ""), ("1.6:0.1", "")])

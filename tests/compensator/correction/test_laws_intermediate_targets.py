@@ -142,7 +142,7 @@ def test_between_long_targets_the_tool_stays_on_the_plan(tmp_path: Path) -> None
     assert added == len(kit.targets_of(job.out.read_text())) - 4 > 5
     assert len(job.offsets()) == 4, "one row a target of the program given"
     coarse = job.correct("--json", "--force", "--tolerance", "40").json["result"]["added_targets"]
-    assert coarse <= added / 2
+    assert coarse < 0.6 * added
     assert job.correct("--force", "--keep-targets").code == 0
     assert len(kit.targets_of(job.out.read_text())) == 4
     assert worst_off_the_line(job, path) > 60e-6
@@ -241,16 +241,18 @@ def test_a_touch_close_behind_a_target_in_the_air_is_not_cut_before(tmp_path: Pa
     assert first < second
 
 
-@pytest.mark.parametrize(("scatter", "air"), [(8e-6, 0.0), (1e-6, 1 / 18)])
-def test_a_force_that_fades_into_the_scatter_is_no_touch(scatter: float, air: float) -> None:
+@pytest.mark.parametrize(("scatter", "air", "near"), [(8e-6, 0.0, True), (1e-6, 1 / 18, True), (1e-6, 0.0, False)])
+def test_a_force_that_fades_into_the_scatter_is_no_touch(scatter: float, air: float, near: bool) -> None:
     """At the end of a cut it falls under what the log shows in air before it is none: one piece of the eighteen to the last
-    target with force, where the line is off by 20 um. (For these that target was held back by 0.3 mm.)"""
+    target with force, where the line is off by 20 um. (For these that target was held back by 0.3 mm.) Nor is
+    it held back for them where no target can be added to the move."""
     share = np.append(np.linspace(1, 0, 18), [0.0, 0.0])
     forced, points = share > 0, np.arange(len(share))
     forces = SimpleNamespace(forced=forced, samples=np.ones(len(share), dtype=int))
     fine: Any = SimpleNamespace(forces=forces, path=SimpleNamespace(length=0.25e-3 * points), targets=points,
                                 prediction=SimpleNamespace(position=np.outer(share, [0.0, 0.36e-3, 0.0])))
-    looked_at: Any = SimpleNamespace(at=np.array([0, 18, 19]), number=np.array([4, 5, 6]), fine=fine,
+    grid = SimpleNamespace(crowded=np.full(len(share), near), divisible=np.zeros(len(share), dtype=bool))
+    looked_at: Any = SimpleNamespace(grid=grid, at=np.array([0, 18, 19]), number=np.array([4, 5, 6]), fine=fine,
                                      noise=np.full(len(share), scatter))
     assert air_beside(looked_at, np.array([4])) == pytest.approx([air])
 
@@ -511,3 +513,76 @@ def test_what_stands_around_a_move_is_as_far_from_both_of_its_ends() -> None:
     for moves, around in (([20], range(16, 24)), ([1], range(5)), ([29], range(25, 30)),
                           ([3, 28], [*range(7), *range(24, 30)])):
         assert _around(np.array(moves), 30).tolist() == list(around)
+
+
+def off_at(job: Job, path: Path3, places: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far off the line the loaded tool is [m] at places (n,) [mm] along it, driven by the corrected and by the given
+    program, under the true force (n, 3) [N] of each place."""
+    start, end = path.frames[0].p, path.frames[-1].p
+    off = np.empty((2, len(places)))
+    for row, frames in enumerate((kit.targets_of(job.out.read_text()), path.frames)):
+        along = 1e3 * np.array([distance_from_line(frame.p, start, end)[1] for frame in frames])
+        q = path.q[0]
+        for k, place in enumerate(places):
+            last = int(np.clip(np.searchsorted(along, place), 1, len(frames) - 1))
+            share = (place - along[last - 1]) / (along[last] - along[last - 1])
+            point, q = off_plan(between(frames[last - 1], frames[last], share), q, np.r_[force[k], 0, 0, 0])
+            off[row, k] = distance_from_line(point, start, end)[0]
+    return off[0], off[1]
+
+
+@pytest.mark.parametrize(("step", "air"), [(0.1, "v100"), (4.3, "v500"), (7.1, "v500")])
+@pytest.mark.parametrize("in_full", [False, True])
+def test_where_no_target_can_be_added_none_is_moved_off_the_plan_at_the_edge_of_a_cut(
+    tmp_path: Path, step: float, air: str, in_full: bool
+) -> None:
+    """A force that begins at a target and grows over 5 mm, moves of 60 mm, `--keep-targets`: the mean over half of the moves on
+    either side is half of the force, by which the target had been moved off the plan, on which it had stood. Nowhere the tool
+    is farther off than it was; where no sample lies near enough to tell, by no more than what is stated."""
+    places = np.array([0, 30, 60, 120, 180, 240, 300, 330, 360])
+    path = Path3(np.column_stack([places, *np.zeros((2, len(places)))]))
+    s = np.arange(0.7, 360, step)
+
+    def push(s: np.ndarray) -> np.ndarray:
+        begin, end = np.clip((s - 60) / 5, 0, 1), np.clip((300 - s) / 5, 0, 1)
+        return np.outer(begin * (s <= 300 if in_full else end), [50.0, 200.0, -80.0])
+
+    text = "path_mm,fx_n,fy_n,fz_n\n" + "".join(
+        f"{a:.2f},{f[0]:.4f},{f[1]:.4f},{f[2]:.4f}\n" for a, f in zip(s, push(s), strict=True))
+    feeds = [air] * 3 + ["v50"] * 4 + [air] * 2
+    program = kit.module([kit.move(t).replace("v50", feed) for t, feed in zip(path.text, feeds, strict=True)])
+    assert program.count("v50,") == 4
+    job = Job(tmp_path, program=program, forces=text)
+    assert job.correct("--keep-targets").code == 0
+    rows = job.offsets()
+    at = np.sort(np.concatenate([np.arange(60, 300.1, 1.5), [60.2, 299.8]]))
+    now, before = off_at(job, path, at, push(at))
+    stated = np.array([float(row["left_um"] or 0) for row in rows]) * 1e-6
+    worst = int(np.argmax(now - before))
+    nearest = int(np.argmin(np.abs(places - at[worst])))
+    assert (now - before).max() < (8e-6 if step < 1 else max(8e-6, 2 * stated[nearest]))
+    assert now[(at > 115) & (at < 245)].max() < 40e-6 < 200e-6 < before.max()
+    if step < 1:
+        assert 1e-3 * np.linalg.norm(kit.column(rows, "ox_mm", "oy_mm", "oz_mm"), axis=1)[2] < 5e-6
+
+
+def test_a_log_that_names_targets_says_that_the_edge_of_a_cut_is_not_known(tmp_path: Path) -> None:
+    """Half of the stretch of a target in the air and half in the cut: its force is nothing or all of it, and what is stated as
+    left there is as large as what is corrected."""
+    places = np.array([0, 30, 60, 120, 180, 240, 300, 330, 360])
+    path = Path3(np.column_stack([places, *np.zeros((2, len(places)))]))
+    s = np.arange(0, 360, 0.25)
+    number = np.argmin(np.abs(s[:, None] - places), axis=1)
+    drift = np.outer(s / 360, [0.0, 6.0, 0.0])                 # so that the air behind shows a force, too
+    push = np.outer((s > 60) & (s < 300), [50.0, 200.0, -80.0]) + drift + np.random.default_rng(3).normal(0, 2, (len(s), 3))
+    text = "target,fx_n,fy_n,fz_n\n" + "".join(
+        f"{k},{f[0]:.4f},{f[1]:.4f},{f[2]:.4f}\n" for k, f in zip(number, push, strict=True))
+    job = Job(tmp_path, program=path.program(), forces=text)
+    assert job.correct("--tare", "0:1").code == 0
+    rows = job.offsets()
+    left, offset = kit.column(rows, "left_um")[:, 0], 1e3 * np.linalg.norm(kit.column(rows, "ox_mm", "oy_mm", "oz_mm"), axis=1)
+    for edge, inside in ((2, 3), (6, 5)):
+        # It may be off by what is made there, and by what is not made of the full force.
+        wrong = max(offset[edge], abs(offset[inside] - offset[edge]))
+        assert wrong > 100
+        assert wrong < 2 * left[edge]

@@ -394,9 +394,9 @@ def test_a_short_tare_does_not_make_forces_of_noise(tmp_path, rows_each: int, sh
 
 @pytest.mark.parametrize(("lost", "listed"), [
     (range(8, 14), "6 targets of the cut.*: 8 to 13$"), (range(16, 26), "4 targets of the cut.*: 16 to 19$"),
-    ([7, 9, 10], "3 targets of the cut.*: 7, 9 to 10$"), ([2, 23], "")])
+    ([7, 9, 10, 11, 12], "5 targets of the cut.*: 7, 9 to 12$"), ([7, 9, 10], ""), ([2, 23], "")])
 def test_all_targets_of_a_gap_in_the_cut_are_told(tmp_path, lost: Sequence[int], listed: str) -> None:
-    """Not the two at its ends alone; what is reached at the air feed has no force to miss."""
+    """Not the two at its ends alone; what is reached at the air feed has no force to miss, and short gaps are filled."""
     plan(tmp_path)
     moves = "\n".join(f"Move{'L' if i else 'J'} [[{1000 + 10 * i},0,700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],"
                       f"[9E9,9E9,9E9,9E9,9E9,9E9]],{'v100' if 4 <= i < 20 else 'v500'},fine,tSpindle;" for i in range(26))
@@ -410,6 +410,34 @@ def test_all_targets_of_a_gap_in_the_cut_are_told(tmp_path, lost: Sequence[int],
     forces = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell, tare=(0, 1))
     told = [finding.message for finding in forces.findings if finding.code == "CS3012"]
     assert [bool(re.search(listed, message)) for message in told] == ([True] if listed else [])
+
+
+@pytest.mark.parametrize(("lost", "count", "between"), [
+    ([7], 26, [7]), ([7, 8, 12], 26, [7, 8, 12]), (list(range(8, 12)), 26, []), ([4], 26, []), ([7], 8, [])])
+def test_a_short_gap_takes_what_lies_between_its_ends_and_says_so(
+    tmp_path: Path, lost: Sequence[int], count: int, between: list[int]
+) -> None:
+    """Up to three targets, between two with force, in a cut four times as long as the stretch; the force is that of a smooth
+    law to what the stated error says, which covers a step in the gap as well."""
+    number = np.arange(26)
+
+    def law(step: bool) -> np.ndarray:
+        force = np.column_stack([0 * number, 150 + 30 * np.sin(number / 3), -40 + 0.0 * number])
+        force[:, 1] += np.where(number >= 7, 120.0, 0.0) * step
+        return force * ((number >= 4) & (number < 20))[:, None]
+
+    path = plan(tmp_path, count=26)
+    for step in (False, True):
+        here = law(step) * (number < count)[:, None]
+        rows = np.column_stack([np.repeat(number, 3), np.repeat(here, 3, axis=0)])
+        (tmp_path / "forces.csv").write_text(log_text("target,fx_n,fy_n,fz_n", rows[~np.isin(rows[:, 0], lost)]))
+        forces = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell)
+        assert forces.forced[lost].tolist() == [one in between for one in lost]
+        told = [finding.code for finding in forces.findings if finding.code in ("CS3012", "CS3014")]
+        assert told == ["CS3014" if between else "CS3012"]
+        off = np.abs(forces.wrench[between, :3] - here[between])
+        assert (off <= 2.5 * forces.standard_error[between] + 1e-9).all()
+        assert step or not len(between) or off.max() < 8
 
 
 def test_a_force_within_the_noise_is_said_to_be_none() -> None:
@@ -438,3 +466,27 @@ def test_a_program_that_cuts_on_every_move_shows_no_zero(
     path: Any = SimpleNamespace(cell=SimpleNamespace(force_log=SimpleNamespace(bias=None)))
     settings: Any = SimpleNamespace(log=SimpleNamespace(tare=tare))
     assert [finding.code for finding in _without_zero(placed, path, settings)] == ["CS3087"] * said
+
+
+@pytest.mark.parametrize(("end", "back", "begins", "said"), [
+    (400.0, False, True, False), (400.0, False, False, True), (400.0, True, True, False), (400.0, True, False, True),
+    (150.0, False, True, True)])
+def test_a_log_by_path_length_counts_from_a_move_to_joint_angles_or_from_the_first_robtarget(
+    tmp_path: Path, end: float, back: bool, begins: bool, said: bool
+) -> None:
+    """As far as its end tells: the force, between 94 and 306 mm of the robtargets' path, is that of the targets there. A
+    MoveAbsJ at the end may be counted or not."""
+    home = "MoveAbsJ [[0,-5,5,0,40,0],[9E9,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs,v100,fine,tSpindle;"
+    moves = "\n".join(f"Move{'L' if i else 'J'} [[1000,{10 * i - 120},700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],"
+                      "[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;" for i in range(41))
+    text = f"MODULE M\nPROC main()\n{home}\n{moves}\n{home if back else ''}\nENDPROC\nENDMODULE\n"
+    (tmp_path / "cell.yaml").write_text(CELL)
+    path = robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(tmp_path / "cell.yaml"))
+    lead = 1e3 * float(np.linalg.norm(path.base_from_tcp.position[1] - path.base_from_tcp.position[0]))
+    assert lead > 100
+    place = np.arange(0 if not begins else -lead, end, 1.0)
+    rows = np.column_stack([place - place[0], 0 * place, 100.0 * ((place > 94) & (place < 306)), 0 * place])
+    (tmp_path / "forces.csv").write_text(log_text("path_mm,fx_n,fy_n,fz_n", rows))
+    forces = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell)
+    assert ("CS3129" in [finding.code for finding in forces.findings]) is said
+    assert np.flatnonzero(forces.wrench[:, 1] > 99).tolist() == [1 + i for i in range(10, 31) if 10 * i <= end]

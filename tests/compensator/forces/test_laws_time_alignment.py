@@ -23,7 +23,7 @@ from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
 from compensator.forces import time_alignment
 from compensator.forces.alignment_regression import binned, plateau_share
-from compensator.forces.program_time import air_moves, program_time
+from compensator.forces.program_time import ProgramTime, air_moves, program_time
 from compensator.forces.time_alignment import TimeAlignment, align
 from tests.support import compstiff
 
@@ -243,3 +243,31 @@ def test_a_pass_over_air_is_named_and_left_out(sample_inputs: Inputs, tmp_path: 
     assert np.mean(predicted.forces.samples > 0) > 0.9
     assert (finding.target, finding.line) == (low, plan.toolpath.line[low])
     assert finding.file == str(sample_inputs.toolpath)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_how_much_the_robot_speeds_up_and_brakes_is_estimated_too(share: float) -> None:
+    """A cut of three layers with a stop at each target, driven by a robot without inertia or as the program's timing has it:
+    the places are right to a fraction of what the stops take, and the override is that which was set."""
+    layer = 1e-3 * np.array([0.0, 40.0, 9.0, 6.0, 29.0, 37.0, 32.0, 10.0, 9.0, 35.0, 8.0, 40.0, 177.0, 42.0])
+    length = np.cumsum(np.tile(layer, 4))[:-13]
+    feed = np.tile([0.25, 0.25, 0.25, *[0.06] * 9, 0.25, 0.25], 4)[:len(length)]
+    ideal = np.cumsum(np.diff(length, prepend=0.0) / feed)
+    slowed = np.cumsum(np.where(feed < 0.1, 0.011, 0.045))
+    angle = np.cumsum(np.random.default_rng(8).normal(0, 0.3, len(length)))
+    direction = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    program = ProgramTime(ideal + slowed, length, feed > 0.1, np.zeros(len(length), dtype=np.intp), direction, slowed)
+    driven, time = ideal + share * slowed, np.arange(-3, ideal[-1] + 4, 0.01)
+    place = np.interp(time, driven, length)
+    move = np.clip(np.searchsorted(driven, time), 1, len(driven) - 1)
+    inside = (time > driven[0]) & (time < driven[-1])
+    turned = np.column_stack([120 * direction[move, 0] - 140 * direction[move, 1],
+                              140 * direction[move, 0] + 120 * direction[move, 1], 0 * time - 38])
+    noise = np.random.default_rng(4).normal([20, -7, 3], 8, (len(time), 3))
+    force = turned * ((feed[move] < 0.1) & inside)[:, None] + noise
+    found = align(program, time + 12.5, force)
+    on = inside & np.isfinite(found.length) & (feed[move] < 0.1)
+    assert found.override == pytest.approx(1.0, abs=0.012)
+    off = 1e3 * np.abs(found.length - place)[on]
+    assert np.quantile(off, 0.9) < 1.3
+    assert np.mean(off <= 2e3 * found.spread[on]) > 0.9

@@ -1,0 +1,70 @@
+"""Targets of a cut on which no sample of the log lies: a few between two with force take what lies between those, more stay."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.forces.detection import GAP
+from compensator.forces.program_time import moves_in_air
+from compensator.path.robot_path import RobotPath
+from identification.common.arrays import Array
+
+Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+# A stretch without a sample is no longer than this share of the cut it lies in.
+SHARE = 0.25
+# A median of absolute values of a normal distribution, in sigmas.
+MEDIAN = 0.6745
+
+
+def without_sample_in_cut(path: RobotPath, samples: Indices, forced: Mask) -> Mask:
+    """The targets (N,) in the cut without a sample and without a force, on from one with force or up to one."""
+    empty = (samples == 0) & ~forced
+    run = np.cumsum(np.diff(empty, prepend=False))
+    beside = np.unique(np.concatenate([run[1:][empty[1:] & forced[:-1]], run[:-1][empty[:-1] & forced[1:]]]))
+    return np.asarray(empty & np.isin(run, beside) & ~moves_in_air(path.toolpath))
+
+
+def short_gaps(path: RobotPath, samples: Indices, forced: Mask, held: Indices) -> list[tuple[int, int]]:
+    """The targets with force before and behind each short gap of a cut: up to GAP targets without a sample, reached at the
+    cutting feed, over no more than a quarter of the cut. held (k,): targets whose samples stood still, of which no gap is."""
+    length, cutting, standing = path.length, ~moves_in_air(path.toolpath), np.isin(np.arange(len(samples)), held)
+    gaps = [(int(first), int(last)) for first, last in itertools.pairwise(np.flatnonzero(forced & (samples > 0)))
+            if 1 < last - first <= GAP + 1 and cutting[first + 1:last + 1].all() and not samples[first + 1:last].any()
+            and not standing[first + 1:last].any() and np.isfinite(length[first:last + 1]).all()]
+    of_cut = forced.copy()
+    for first, last in gaps:
+        of_cut[first:last] = True
+    run, found = np.cumsum(np.diff(of_cut, prepend=False)), []
+    for first, last in gaps:
+        cut = length[np.flatnonzero((run == run[first]) & np.isfinite(length))]
+        if 0 < length[last] - length[first] <= SHARE * (cut[-1] - cut[0]):
+            found.append((first, last))
+    return found
+
+
+def filled(path: RobotPath, wrench: Array, standard_error: Array, known: Mask, gaps: list[tuple[int, int]]) -> Indices:
+    """Puts into wrench (N, 6) and standard_error (N, 3) what lies between both sides of each gap, by path length, and says of
+    which targets (n,) that is. known (N,): targets with samples and force.
+
+    The standard error holds that of both sides, a step that may lie anywhere between (a force v between b and a is either, of
+    variance (v - b)(a - v)), and by how much targets are off what lies between others as far away.
+    """
+    inside = [np.arange(first + 1, last) for first, last in gaps]
+    for (first, last), here in zip(gaps, inside, strict=True):
+        share = ((path.length[here] - path.length[first]) / (path.length[last] - path.length[first]))[:, None]
+        wrench[here] = (1 - share) * wrench[first] + share * wrench[last]
+        step = share * (1 - share) * (wrench[last, :3] - wrench[first, :3]) ** 2
+        ends = np.nan_to_num((1 - share) * standard_error[first] + share * standard_error[last])
+        standard_error[here] = np.sqrt(ends**2 + step + _off_between(wrench[:, :3], known, (last - first + 1) // 2) ** 2)
+    return np.concatenate(inside) if inside else np.empty(0, dtype=np.intp)
+
+
+def _off_between(force: Array, known: Mask, away: int) -> Array:
+    """1 sigma (3,) [N] of how far the forces of targets are off the middle of those so many targets before and behind them."""
+    inside = known[2 * away:] & known[away:-away] & known[:-2 * away]
+    off = force[away:-away] - 0.5 * (force[2 * away:] + force[:-2 * away])
+    return np.asarray(np.median(np.abs(off[inside]), axis=0) / MEDIAN) if inside.any() else np.zeros(3)
