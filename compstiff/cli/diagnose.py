@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
 from compstiff.outcome import DONE, REFUSED, Outcome, Session, call
-from identification.common.findings import Finding
+from identification.common.findings import CompstiffError, Finding
 
 # Verdicts whose extended model a program may be corrected with.
 USABLE = ("adequate", "named")
@@ -62,6 +63,8 @@ def diagnose(
     from compstiff import diagnose, read_cell, read_measurements
     from identification.common.files import check_distinct, check_writable, json_bytes, write_whole
     from identification.common.quantities import cause_words
+    from identification.diagnosis.mended import mended_file
+    from identification.fit.mistakes.judge import Mistaken
     from identification.model.controller import use_of_stiffnesses
 
     session.inputs += [cell_file, measurements_file]
@@ -71,7 +74,15 @@ def diagnose(
     check_writable([output, *optional, *mended_as], overwrite=session.overwrite)
     cell = read_cell(cell_file)
     measurements = read_measurements(measurements_file, cell)
-    diagnosis = diagnose(cell, measurements, alarm=alarm, replicates=replicates)
+    try:
+        diagnosis = diagnose(cell, measurements, alarm=alarm, replicates=replicates)
+    except Mistaken as stopped:
+        if mend is None:
+            raise
+        without = mended_file(cell, measurements, stopped.mistake)
+        write_whole({without.beside(mend): without.content}, overwrite=session.overwrite, read=session.read)
+        raise CompstiffError(replace(stopped.findings[0], hint=f"check: {stopped.mistake.candidate.mistake.settles}; "
+                                     f"{without.said(mend)}, to be diagnosed again; no other file was written")) from None
     content = diagnosis.as_dict()
     files = {output: json_bytes(content)}
     refused = []
@@ -83,8 +94,7 @@ def diagnose(
                 f"{mend} was not written{_earlier(mended_as)}", file=str(measurements_file)))
         else:
             files[mended.beside(mend)] = mended.content
-            original = measurements_file if mended.suffix == ".csv" else cell_file
-            session.say(f"{mended.beside(mend)} is {original} without the mistake: {mended.changed}")
+            session.say(f"{mended.said(mend)}: {diagnosis.judgement.mistakes[0].sentence}")
     if extended and diagnosis.verdict == "mistake":
         refused.append(Finding(
             "CS1704", "warning", f"a model of rows with a mistake is none: {extended} was not written{_earlier([extended])}",

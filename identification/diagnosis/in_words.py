@@ -155,7 +155,7 @@ def _overlooked(judgement: Judgement) -> list[str]:
              f"in five{f'; not (um they move the tool here): {names}{more}' if missed else ''}"]
     off = np.array([each.unnoticed for each in every])
     worst, std = np.argmax(off, axis=0), np.sqrt(np.diag(judgement.extended.covariance))[SPRINGS]
-    beyond = [f"k{joint + 1} by {100 * np.expm1(off[k, joint]):.2g} % ({cause_words(every[k].entry.label)})"
+    beyond = [f"{every[k].leaves_off(joint)} ({cause_words(every[k].entry.label)})"
               for joint, k in enumerate(worst) if off[k, joint] > TWO_SIGMA * std[joint]]
     if beyond:
         lines.append("  a cause that these rows would not show, of typical size at most, may leave stiffnesses off by more "

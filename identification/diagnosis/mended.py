@@ -24,15 +24,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MendedFile:
-    """suffix: .csv for a table, .yaml for a cell file. content: what is written. changed: what was changed, in plain words."""
+    """suffix: .csv for a table, .yaml for a cell file. content: what is written. source: the file that has the mistake."""
 
     suffix: str
     content: bytes
-    changed: str
+    source: Path
 
     def beside(self, path: Path) -> Path:
         """Where it goes for the name that was asked for."""
         return path.with_suffix(self.suffix)
+
+    def said(self, path: Path) -> str:
+        """What stands there, in words."""
+        return f"{self.beside(path)} is {self.source} without the mistake"
 
 
 def mended_file(cell: Cell, measurements: Measurements, mistake: NamedMistake) -> MendedFile:
@@ -41,10 +45,10 @@ def mended_file(cell: Cell, measurements: Measurements, mistake: NamedMistake) -
     source = Path(measurements.source if mistake.candidate.mistake.of == "table" else cell.source)
     about = f"# compstiff diagnose --mend, from {source.name} (SHA-256 {sha256(source)[:16]}): {mistake.sentence}"
     if mistake.candidate.mistake.of == "cell":
-        return MendedFile(".yaml", f"{about}\n{_cell_text(cell, mistake)}".encode(), mistake.sentence)
+        return MendedFile(".yaml", f"{about}\n{_cell_text(cell, mistake)}".encode(), source)
     table, dropped = _mended_rows(cell, measurements, mistake)
     left_out = f"\n# {counted(dropped, 'row', 'are')} left out" if dropped else ""
-    return MendedFile(".csv", f"{about}{left_out}\n{_table_text(table)}".encode(), mistake.sentence)
+    return MendedFile(".csv", f"{about}{left_out}\n{_table_text(table)}".encode(), source)
 
 
 def _mended_rows(cell: Cell, measurements: Measurements, mistake: NamedMistake) -> tuple[Measurements, int]:

@@ -19,7 +19,6 @@ from identification.diagnosis.gain import Gain
 from identification.diagnosis.in_words import no_cause, value
 from identification.diagnosis.judgement import Judgement
 from identification.diagnosis.next_steps import steps_of
-from identification.diagnosis.power import Showing
 from identification.diagnosis.procedure import ALARM
 from identification.diagnosis.record import checks_of, next_words
 from identification.fit.held_out import pose_names, poses
@@ -226,18 +225,12 @@ def _showing(judgement: Judgement) -> ReportTable | None:
             shows = [f"{said['noticed_from'] / factor:.2g} {unit}".rstrip(), f"{said['noticed_from_um']:.1f}"]
         unless = " (unless the arm's weight presses its teeth to one side)" if each.weighed else ""
         rows.append([each.entry.sentence + unless, "yes" if each.of_typical_size else "no",
-                     f"{each.typical / factor:.2g} {unit}".rstrip(), f"{said['typical_um']:.1f}", *shows, _off(each),
-                     each.entry.label])
+                     f"{each.typical / factor:.2g} {unit}".rstrip(), f"{said['typical_um']:.1f}", *shows,
+                     each.leaves_off(), each.entry.label])
     header = ["cause", "typical one would have shown", "typical size", "moves the tool by [um]", "shows from",
               "shows from [um]", "unnoticed, leaves off", "name"]
     return ReportTable("What these rows would have shown, four times in five", header, rows,
                        numbers=(2, 3, 4, 5)) if rows else None
-
-
-def _off(each: Showing) -> str:
-    """The stiffness that the largest one that is not noticed leaves off most."""
-    worst = int(np.argmax(each.unnoticed))
-    return f"k{worst + 1} by {100 * np.expm1(each.unnoticed[worst]):.2g} %"
 
 
 def _thinned(count: int) -> NDArray[np.intp]:

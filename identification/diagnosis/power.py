@@ -75,6 +75,12 @@ class Showing:
         in ln k."""
         return self.springs * min(self.size, 1.0)
 
+    def leaves_off(self, joint: int | None = None) -> str:
+        """The same of one stiffness, counted from 0, or of the one it leaves off most, in words."""
+        which = int(np.argmax(self.unnoticed)) if joint is None else joint
+        percent = 100 * float(np.expm1(self.unnoticed[which]))
+        return f"k{which + 1} by {percent:.0f} %" if percent >= 99.5 else f"k{which + 1} by {percent:.2g} %"
+
     def as_dict(self) -> dict[str, Any]:
         """JSON values; sizes are null where it is never noticed."""
         parameter = self.entry.effect.size_parameter

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import rms
+from identification.common.command_line import call
 from identification.common.findings import CompstiffError, Finding, Level
 from identification.fit.held_out import left_out, poses
 from identification.fit.load_test import LoadTest
@@ -118,21 +119,44 @@ class Mistakes:
         return named.candidate.log_posterior
 
 
+class Mistaken(CompstiffError):
+    """Rows that have no plain fit, with the mistake that does that."""
+
+    def __init__(self, finding: Finding, mistake: NamedMistake) -> None:
+        self.mistake = mistake
+        super().__init__(finding)
+
+
 def fitted_or_mistaken(data: LoadTest) -> Posterior:
-    """The plain fit. Raises what `posterior` raises; of data that prefer all compliances negative (CS1010) it says which
-    mistake does that, where one is clear; and CS1018 for readings in a unit that leaves nothing to fit."""
+    """The plain fit. Raises what `posterior` raises; Mistaken in place of CS1010, data that prefer all compliances negative,
+    where it is clear which mistake does that; and CS1018 for readings in a unit that leaves nothing to fit."""
     try:
         fitted = posterior(data)
     except CompstiffError as refused:
         finding = refused.findings[0]
-        mistake = likeliest_at_a_glance(data) if finding.code == "CS1010" else None
+        mistake = _before_any_fit(data) if finding.code == "CS1010" else None
         if mistake is None:
             raise
-        sentence = mistake.sentence.format(rows=f"all {len(data.rows)} rows")
-        said = replace(finding, message=f"{finding.message}; {sentence}", hint=f"{finding.hint}; check: {mistake.settles}")
-        raise CompstiffError(said) from None
+        without = call("diagnose", data.cell.source, data.rows.source, "-o", "diagnosis.json", "--mend", "MENDED")
+        raise Mistaken(replace(
+            finding, message=f"{finding.message}; {mistake.sentence}",
+            hint=f"{finding.hint}; check: {mistake.candidate.mistake.settles}; {without} writes the file without the mistake"),
+            mistake) from None
     refuse_absurd(data)
     return fitted
+
+
+def _before_any_fit(data: LoadTest) -> NamedMistake | None:
+    """The mistake without which rows that have no plain fit have one; None where none is clear."""
+    mistake = likeliest_at_a_glance(data)
+    if mistake is None:
+        return None
+    try:
+        mended = posterior(mistake.mended(data))
+    except CompstiffError:
+        return None
+    held = left_out(mended, poses(mended.data.rows))
+    return NamedMistake(Candidate(mistake, data, None, (mended,), 0.0, held), 1.0, 0.0, 0.0, rms(held), rms(held), 1)
 
 
 def beyond_the_fit(plain: Posterior) -> NamedMistake | None:

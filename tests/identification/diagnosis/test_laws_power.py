@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -175,6 +176,8 @@ def test_an_adequate_answer_says_what_it_is_worth(tmp_path: Path) -> None:
     worst = np.max([each.unnoticed for each in judgement.showing], axis=0)
     line = next((line for line in found.lines() if "off by more than their intervals say" in line), "")
     assert [f"k{joint + 1} by" in line for joint in range(6)] == (worst > 1.96 * std).tolist()
+    for joint, percent in re.findall(r"k(\d) by ([\d.]+) %", line):
+        assert float(percent) == pytest.approx(100 * np.expm1(worst[int(joint) - 1]), rel=0.05)
     assert f"{len(shown) - len(missed)}, four times in five" in diagnosis_report(found)
 
 

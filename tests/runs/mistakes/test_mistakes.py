@@ -167,6 +167,24 @@ def test_another_unit_from_a_row_on_is_no_other_robot(tmp_path: Path, column: st
     assert words in mistake["sentence"]
 
 
+def test_rows_that_no_springs_fit_are_mended_too(tmp_path: Path) -> None:
+    """Unloaded minus loaded. CS1010: no diagnosis, but the file without the mistake, where asked for, from which the springs
+    are as if it had never been; the refusal says how to get it."""
+    case = right(15, "irb6640-235-2.55")
+    right_files = case.write(tmp_path)
+    assert call("identify", *right_files, "-o", tmp_path / "right.json").exit_code == 0
+    cell, table = replace(case, moved=-case.moved).write(tmp_path)
+    refused = call("identify", cell, table, "-o", tmp_path / "s.json")
+    assert (refused.exit_code, "CS1010" in refused.stderr, "--mend MENDED" in refused.stderr) == (1, True, True)
+    done = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--mend", tmp_path / "mended", *FEW)
+    assert (done.exit_code, "CS1010" in done.stderr, "mended.csv is" in " ".join(done.stderr.split())) == (1, True, True)
+    assert not (tmp_path / "d.json").exists()
+    assert call("identify", cell, tmp_path / "mended.csv", "-o", tmp_path / "mended.json").exit_code == 0
+    found, known = (np.array([spring["estimate"] for spring in json.loads((tmp_path / name).read_text())["parameters"]])
+                    for name in ("mended.json", "right.json"))
+    np.testing.assert_allclose(found, known, rtol=1e-3)
+
+
 def test_nothing_is_mended_without_a_mistake(tmp_path: Path) -> None:
     cell, table = right(12, "irb6640-235-2.55").write(tmp_path)
     done = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--mend", tmp_path / "mended", *FEW)
