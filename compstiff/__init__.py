@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from identification.common.findings import CompstiffError, Finding
     from identification.design.procedure import design_plan
     from identification.design.request import Request
-    from identification.diagnosis.diagnose import diagnose
+    from identification.diagnosis.diagnose import Unfitted, diagnose
     from identification.diagnosis.plan import judge_plan
     from identification.fit.fit import fit_stiffness
     from identification.formats.convert import convert_log
@@ -95,7 +95,7 @@ _FILES = {
     "identification.common.findings": ("CompstiffError", "Finding"),
     "identification.design.procedure": ("design_plan",),
     "identification.design.request": ("Request",),
-    "identification.diagnosis.diagnose": ("diagnose",),
+    "identification.diagnosis.diagnose": ("Unfitted", "diagnose"),
     "identification.diagnosis.plan": ("judge_plan",),
     "identification.fit.fit": ("fit_stiffness",),
     "identification.formats.convert": ("convert_log",),
@@ -111,12 +111,12 @@ _FILES = {
 _FILE_OF = {name: file for file, names in _FILES.items() for name in names}
 __all__ = [
     "Address", "CellAnswers", "CompstiffError", "Controller", "Finding", "Folders", "Inputs", "Outputs", "Request",
-    "Settings", "Shared", "built_in_robots", "check_files", "check_robot", "convert_log", "correct", "correct_files",
-    "correct_programs", "cutting_coefficients", "design_plan", "deviation_csv", "diagnose", "diagnose_joint_logs",
-    "error_budget", "explain_code", "fit_joint_logs", "fit_stiffness", "judge_plan", "learn", "milling_poses", "new_cell",
-    "offsets_csv", "paired", "post_files", "predict", "push", "read_cell", "read_force_log", "read_learned",
-    "read_measurements", "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath", "report", "still_payload",
-    "table_coefficients", "upload", "verify", "watch_folder", "write",
+    "Settings", "Shared", "Unfitted", "built_in_robots", "check_files", "check_robot", "convert_log", "correct",
+    "correct_files", "correct_programs", "cutting_coefficients", "design_plan", "deviation_csv", "diagnose",
+    "diagnose_joint_logs", "error_budget", "explain_code", "fit_joint_logs", "fit_stiffness", "judge_plan", "learn",
+    "milling_poses", "new_cell", "offsets_csv", "paired", "post_files", "predict", "push", "read_cell", "read_force_log",
+    "read_learned", "read_measurements", "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath", "report",
+    "still_payload", "table_coefficients", "upload", "verify", "watch_folder", "write",
 ]
 
 

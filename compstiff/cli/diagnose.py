@@ -60,11 +60,9 @@ def diagnose(
     if validate is not None:
         raise click.UsageError("--validate is for joint deflection logs; elsewhere rows with purpose validate are held out")
 
-    from compstiff import diagnose, read_cell, read_measurements
+    from compstiff import Unfitted, diagnose, read_cell, read_measurements
     from identification.common.files import check_distinct, check_writable, json_bytes, write_whole
     from identification.common.quantities import cause_words
-    from identification.diagnosis.mended import mended_file
-    from identification.fit.mistakes.judge import Mistaken
     from identification.model.controller import use_of_stiffnesses
 
     session.inputs += [cell_file, measurements_file]
@@ -76,13 +74,13 @@ def diagnose(
     measurements = read_measurements(measurements_file, cell)
     try:
         diagnosis = diagnose(cell, measurements, alarm=alarm, replicates=replicates)
-    except Mistaken as stopped:
+    except Unfitted as stopped:
         if mend is None:
             raise
-        without = mended_file(cell, measurements, stopped.mistake)
+        without = stopped.mended()
         write_whole({without.beside(mend): without.content}, overwrite=session.overwrite, read=session.read)
-        raise CompstiffError(replace(stopped.findings[0], hint=f"check: {stopped.mistake.candidate.mistake.settles}; "
-                                     f"{without.said(mend)}, to be diagnosed again; no other file was written")) from None
+        raise CompstiffError(replace(stopped.findings[0], hint=f"check: {stopped.check}; {without.said(mend)}, to be diagnosed "
+                                     "again; no other file was written")) from None
     content = diagnosis.as_dict()
     files = {output: json_bytes(content)}
     refused = []

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from identification.common.findings import Finding
+from identification.common.findings import CompstiffError, Finding
 from identification.diagnosis.detect import REPLICATES
 from identification.diagnosis.extended_model import extended_model
 from identification.diagnosis.in_words import answer, judgement_findings
@@ -14,6 +14,7 @@ from identification.diagnosis.judgement import Cause, Judgement, Verdict
 from identification.diagnosis.mended import MendedFile, mended_file
 from identification.diagnosis.procedure import ALARM, judge
 from identification.diagnosis.record import record
+from identification.fit.mistakes.judge import Mistaken
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
@@ -66,17 +67,34 @@ class Diagnosis:
         return extended_model(self.judgement)
 
 
+class Unfitted(CompstiffError):
+    """Measurements that no springs fit (CS1010), whose mistake is known. check: what settles that it is this one."""
+
+    def __init__(self, stopped: Mistaken, cell: Cell, measurements: Measurements) -> None:
+        self.cell, self.measurements, self.mistake = cell, measurements, stopped.mistake
+        self.check = stopped.mistake.candidate.mistake.settles
+        super().__init__(*stopped.findings)
+
+    def mended(self) -> MendedFile:
+        """The table or the cell file without its mistake. Raises CS1705."""
+        return mended_file(self.cell, self.measurements, self.mistake)
+
+
 def diagnose(
     cell: Cell, measurements: Measurements, *, alarm: float = ALARM, replicates: int = REPLICATES, seed: int = 0
 ) -> Diagnosis:
     """Finds out what the plain model gets wrong on these measurements, names the cause and measures the gain.
 
     alarm: family-wise rate of false alarms. replicates: simulated data sets behind the p-value. Raises CompstiffError: CS1009
-    no loaded row, CS1010 data that prefer all compliances negative, CS1011 no convergence.
+    no loaded row, CS1010 data that prefer all compliances negative (Unfitted where it is clear which mistake does that), CS1011
+    no convergence.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> diagnosis = compstiff.diagnose(cell, compstiff.read_measurements("measurements.csv", cell.robot))
     >>> diagnosis.as_dict()["verdict"]
     'adequate'
     """
-    return Diagnosis(cell, measurements, judge(cell, measurements, alarm=alarm, replicates=replicates, seed=seed))
+    try:
+        return Diagnosis(cell, measurements, judge(cell, measurements, alarm=alarm, replicates=replicates, seed=seed))
+    except Mistaken as stopped:
+        raise Unfitted(stopped, cell, measurements) from None
