@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from identification.common.findings import CompstiffError
 from identification.fit.bad_visits import MOST as MOST_VISITS
+from identification.fit.mending import Mend
 from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior, posterior
+from identification.fit.row_slips import row_mend
 from identification.fit.student import distances, probability_beyond
 from identification.fit.visits import VisitTest
 
@@ -36,13 +38,14 @@ MOST_IN_A_VISIT = 2
 @dataclass(frozen=True, eq=False)
 class BadRow:
     """row: number in the file from 1; line there; off (3,) [m]: measured minus predicted, std (3,) what was allowed; p_value:
-    family-wise over the rows."""
+    family-wise over the rows; mend: the slip of the pen that explains it, None where none does."""
 
     row: int
     line: int
     off: Array
     std: Array
     p_value: float
+    mend: Mend | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """A cause of diagnosis.json."""
@@ -51,7 +54,7 @@ class BadRow:
         values["single_row"] = {"estimate": self.row, "std": 0.0}
         return {"effect": "sensor_step", "joint": None, "probability": 1.0 - ALARM, "family": "deflection measurement",
                 "of_robot": False, "sentence": f"row {self.row} (line {self.line}) is a bad reading", "parameters": values,
-                "p_value": self.p_value}
+                "p_value": self.p_value, "mends": [self.mend.as_dict()] if self.mend else []}
 
 
 def bad_rows(fitted: Posterior) -> tuple[BadRow, ...]:
@@ -60,8 +63,8 @@ def bad_rows(fitted: Posterior) -> tuple[BadRow, ...]:
     bad = rare(*_distances(fitted), MOST * len(rows))
     crowd = np.flatnonzero(np.bincount(visit[list(bad)], minlength=1) > MOST_IN_A_VISIT)
     std = residual_std(fitted.data, fitted.components, fitted.compliance, fitted.at_map.noise.further)
-    return tuple(BadRow(int(rows.row[k]), int(rows.line[k]), fitted.residual[k], std[k], p_value)
-                 for k, p_value in bad.items() if visit[k] not in crowd)
+    return tuple(BadRow(int(rows.row[k]), int(rows.line[k]), fitted.residual[k], std[k], p_value,
+                        row_mend(rows, fitted.residual, std, k)) for k, p_value in bad.items() if visit[k] not in crowd)
 
 
 def with_crowded(test: VisitTest, fitted: Posterior) -> VisitTest:

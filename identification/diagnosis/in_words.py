@@ -25,6 +25,7 @@ from identification.fit.visit_findings import (
     mending,
     not_independent,
     sentence,
+    told_of,
     validation_findings,
     visit_findings,
 )
@@ -182,8 +183,9 @@ def _cause_line(judgement: Judgement, cause: Cause) -> str:
 
 def _bad_row_line(bad: BadRow) -> str:
     off = ", ".join(f"{1e6 * component:.1f}" for component in bad.off)
+    told = f". {told_of([bad.mend])}" if bad.mend else ""
     return (f"named: row {bad.row} (line {bad.line}) is a bad reading, off by ({off}) um (p = {bad.p_value:.2g}); it was left "
-            "out")
+            f"out{told}")
 
 
 def _bad_visit_line(bad: BadVisit, said: str) -> str:

@@ -2,7 +2,7 @@
 
 A digit of one angle changed, lost or one too many, two neighbouring digits exchanged, a sign, a decimal point, two columns of
 angles exchanged, the angles of another visit, the sign or the size of its loads, readings that stand a row too high or too low
-from some row on, whole turns of a dial that were not counted.
+from some row on, readings of two rows exchanged, whole turns of a dial that were not counted.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 FROM_ANOTHER = "another visit's angles"
 # Rows of a visit up to which each load's sign is tried by itself.
 FEW_LOADS = 6
+# And up to which any two of them may have been exchanged.
+MOST_ROWS = 40
 # What the loads are to be multiplied by, and how people say so.
 SIZES = ((2.0, "twice as large"), (0.5, "half as large"), (10.0, "ten times as large"), (0.1, "a tenth as large"),
          (9.80665, "9.81 times as large (kilograms, not newtons)"))
@@ -100,16 +102,20 @@ def _loads_turned(rows: Measurements, mine: NDArray[np.bool_], theta: Array, for
 
 
 def _rows_slipped(line: NDArray[np.intp], theta: Array, force: Array) -> Iterator[Slip]:
-    """Readings that stand a row too high or too low from some row on, or in two neighbouring rows: under the loads they were
-    taken under."""
+    """Readings that stand a row too high or too low from some row on, or that were exchanged between two rows, neighbours where
+    there are many: under the loads they were taken under."""
     for k in range(len(force) - 1):
-        high, low, both = force.copy(), force.copy(), force.copy()
-        high[k:-1], low[k + 1:], both[[k, k + 1]] = force[k + 1:], force[k:-1], force[[k + 1, k]]
-        for moved, words in ((high, f"its readings a row too high from line {line[k]} on"),
-                             (low, f"its readings a row too low from line {line[k + 1]} on"),
-                             (both, f"the readings of lines {line[k]} and {line[k + 1]} exchanged")):
-            if not np.array_equal(moved, force):
-                yield Slip("readings slipped", f"{words}: put back they would fit", theta, moved)
+        high, low = force.copy(), force.copy()
+        high[k:-1], low[k + 1:] = force[k + 1:], force[k:-1]
+        moved = [(high, f"its readings a row too high from line {line[k]} on"),
+                 (low, f"its readings a row too low from line {line[k + 1]} on")]
+        for other in range(k + 1, len(force) if len(force) <= MOST_ROWS else k + 2):
+            both = force.copy()
+            both[[k, other]] = force[[other, k]]
+            moved.append((both, f"the readings of lines {line[k]} and {line[other]} exchanged"))
+        for loads, words in moved:
+            if not np.array_equal(loads, force):
+                yield Slip("readings slipped", f"{words}: put back they would fit", theta, loads)
 
 
 def written(angle: float) -> str:

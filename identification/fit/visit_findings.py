@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from identification.common.findings import Finding
 from identification.common.quantities import two_sigma
-from identification.fit.mending import WORTH_TELLING, BadVisit
+from identification.fit.mending import WORTH_TELLING, BadVisit, Mend
 from identification.fit.noise_parts import MEMORY, SETUP, SetUp
 from identification.fit.posterior import Posterior
 from identification.fit.validation import Validation
@@ -44,13 +46,18 @@ def mending(bad: BadVisit) -> str:
     """What would mend a visit, or what to look for."""
     likely = [mend for mend in bad.mends if mend.probability >= WORTH_TELLING]
     if likely:
-        told = "; or ".join(f"{mend.what} ({100 * mend.probability:.0f} % of what was tried)" for mend in likely)
+        told = told_of(likely)
     elif bad.score.wrong_angle is not None:
         told = f"drive there again and read axis {bad.score.wrong_angle.joint}: no slip of the pen is likelier than others"
     else:
         told = ("is its pose written rightly? No single slip in its angles or loads is likely; does something drag or stick "
                 "there, was the tool or a sensor touched?")
     return told if not bad.copied else f"its angles are those of {bad.copied}: were they copied? {told}"
+
+
+def told_of(mends: Sequence[Mend]) -> str:
+    """What would mend something, each with its probability."""
+    return "; or ".join(f"{mend.what} ({100 * mend.probability:.0f} % of what was tried)" for mend in mends)
 
 
 def visit_findings(test: VisitTest, bad: tuple[BadVisit, ...], source: str, effect: str) -> list[Finding]:

@@ -64,10 +64,10 @@ VISIT = np.arange(ROWS) // 7
 
 
 class Numbered:
-    """Rows with their numbers and lines alone."""
+    """Rows with their numbers, lines and readings alone, each in a visit of its own."""
 
     def __init__(self, row: np.ndarray, line: np.ndarray) -> None:
-        self.row, self.line = row, line
+        self.row, self.line, self.visit, self.deflection = row, line, row, np.full((len(row), 3), 1e-4)
 
     def __len__(self) -> int:
         return len(self.row)

@@ -194,6 +194,35 @@ def test_nothing_is_mended_without_a_mistake(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("mended*"))
 
 
+def exchanged(folder: Path, seed: int, one: int, other: int) -> dict[str, dict]:
+    """The causes, by name and place, that are named where the readings of these two rows, from 1, were exchanged."""
+    case = right(seed, "irb6640-235-2.55")
+    assert case.pose[one - 1] == case.pose[other - 1]
+    moved = case.moved.copy()
+    moved[[one - 1, other - 1]] = moved[[other - 1, one - 1]]
+    causes = diagnosed(folder, *replace(case, moved=moved).write(folder))["causes"]
+    return {str((parameters.get("single_row") or parameters["pose"])["estimate"]): cause
+            for cause in causes for parameters in [cause["parameters"]]}
+
+
+def test_two_readings_that_were_exchanged_are_told(tmp_path: Path) -> None:
+    """Two that differ by 0.4 mm: both are left out, and each is told with the other."""
+    found = exchanged(tmp_path, 880, 12, 14)
+    assert set(found) == {"12", "14"}
+    for row, beside in (("12", 14), ("14", 12)):
+        (mend,) = found[row]["mends"]
+        assert (mend["kind"], mend["probability"] > 0.9) == ("readings exchanged", True)
+        assert f"row {beside} (line {beside + 1})" in mend["what"]
+
+
+def test_so_are_two_that_decide_the_response_of_their_pose(tmp_path: Path) -> None:
+    """The two that are farthest apart: the pose seemed to have fz of the other sign, "100 % of what was tried"."""
+    (cause,) = exchanged(tmp_path, 16, 177, 180).values()
+    assert cause["effect"] == "bad_visit"
+    assert cause["mends"][0]["kind"] == "readings slipped"
+    assert "lines 178 and 181 exchanged" in cause["mends"][0]["what"]
+
+
 def test_no_model_comes_from_rows_with_a_mistake(tmp_path: Path) -> None:
     """Of a short load test, which is diagnosed twice."""
     case = right(430004, SHOP)
