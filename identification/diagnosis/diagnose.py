@@ -68,7 +68,17 @@ class Diagnosis:
 
 
 class Unfitted(CompstiffError):
-    """Measurements that no springs fit (CS1010), whose mistake is known. check: what settles that it is this one."""
+    """Measurements that no springs fit (CS1010), whose mistake is known. check: what settles that it is this one.
+
+    >>> from dataclasses import replace
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> rows = compstiff.read_measurements("measurements.csv", cell.robot)
+    >>> try:
+    ...     compstiff.diagnose(cell, replace(rows, deflection=-rows.deflection))
+    ... except compstiff.Unfitted as stopped:
+    ...     stopped.mended().source.name
+    'measurements.csv'
+    """
 
     def __init__(self, stopped: Mistaken, cell: Cell, measurements: Measurements) -> None:
         self.cell, self.measurements, self.mistake = cell, measurements, stopped.mistake
