@@ -153,8 +153,8 @@ def align(program: ProgramTime, time: Array, force: Array) -> TimeAlignment:
     # A bin is not seen into.
     variance = (np.maximum(variance, 0.0) + np.interp(time, regression.time, slips.std) ** 2
                 + (override * regression.bins.width) ** 2 / 12)
-    place, move = np.interp(planned, program.time, program.length), np.clip(np.searchsorted(program.time, planned), 1,
-                                                                           len(program.time) - 1)
+    place = np.interp(planned, program.time, program.length)
+    move = np.clip(np.searchsorted(program.time, planned), 1, len(program.time) - 1)
     beside = sum((weight * (other - place) ** 2 for weight, other in _places(others_of_speed, time, middle)),
                  np.zeros(len(place)))
     spread = np.where(inside, np.sqrt(variance * program.speed[move] ** 2 + beside), np.nan)
@@ -178,7 +178,7 @@ def _by_slowing(regression: Regression, x: Array) -> tuple[Regression, Array, Sl
     program = regression.program
     for share in SLOWINGS if program.slowed is not None and program.slowed[-1] > 0 else ():
         other = program.with_slowing(share)
-        start = x + 0.0
+        start = x.copy()
         start[0] = np.interp(x[0], program.time, other.time)
         start[1] += np.log(other.duration / program.duration)
         there = Regression(other, regression.bins, regression.middle)

@@ -7,6 +7,7 @@ kind as likely as another beforehand, and none of them: an axis, or all three, o
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -31,14 +32,14 @@ def row_mend(rows: Measurements, off: Array, std: Array, row: int) -> Mend | Non
     readings minus what the others let expect, std (n, 3) [m]: what of that is noise; nan where nothing was read."""
     slips = [(kind, what, left, _log_likelihood(left, std[row]) + beside)
              for kind, what, left, beside in _slips(rows, off, std, row)]
-    kinds = [kind for kind, *_ in slips]
-    weight = np.array([value - np.log(kinds.count(kind)) for kind, _, _, value in slips])
+    many = Counter(kind for kind, *_ in slips)
+    weight = np.array([value - np.log(many[kind]) for kind, _, _, value in slips])
     none = np.logaddexp.reduce([_log_likelihood(off[row], np.hypot(std[row], axes * np.nan_to_num(np.abs(off[row]))))
                                 for axes in AXES]) - np.log(len(AXES))
     probability = np.exp(weight - np.logaddexp.reduce([*weight, none]))
     best = int(np.argmax(probability))
     kind, what, left, _ = slips[best]
-    read = np.isfinite(left)
+    read = np.isfinite(left) & np.isfinite(std[row])
     fits = chi2_tail(float(np.sum((left[read] / std[row][read]) ** 2)), int(read.sum())) >= FITS
     return Mend(kind, what, float(probability[best])) if fits and probability[best] >= WORTH_TELLING else None
 
@@ -55,8 +56,9 @@ def _slips(rows: Measurements, off: Array, std: Array, row: int) -> Iterator[tup
             for count in (*range(-MOST_TURNS, 0), *range(1, MOST_TURNS + 1)):
                 turns = f"{counted(abs(count), 'whole turn')} of {1e6 * turn:.0f} um {'more' if count > 0 else 'less'}"
                 yield "whole turns", f"d{'xyz'[axis]} with {turns} would fit", off[row] + count * turn * np.eye(3)[axis], 0.0
+    read = np.isfinite(rows.deflection)
     for other in np.flatnonzero(rows.visit == rows.visit[row]):
-        if other != row:
+        if other != row and np.array_equal(read[other], read[row]):
             exchanged = rows.deflection[other] - reading
             beside = _log_likelihood(off[other] - exchanged, std[other]) - _log_likelihood(off[other], std[other])
             yield ("readings exchanged", f"exchanged with the reading of row {rows.row[other]} (line {rows.line[other]}) both "

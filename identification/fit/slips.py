@@ -107,15 +107,15 @@ def _rows_slipped(line: NDArray[np.intp], theta: Array, force: Array) -> Iterato
     for k in range(len(force) - 1):
         high, low = force.copy(), force.copy()
         high[k:-1], low[k + 1:] = force[k + 1:], force[k:-1]
-        moved = [(high, f"its readings a row too high from line {line[k]} on"),
-                 (low, f"its readings a row too low from line {line[k + 1]} on")]
+        moved = [("readings slipped", high, f"its readings a row too high from line {line[k]} on"),
+                 ("readings slipped", low, f"its readings a row too low from line {line[k + 1]} on")]
         for other in range(k + 1, len(force) if len(force) <= MOST_ROWS else k + 2):
             both = force.copy()
             both[[k, other]] = force[[other, k]]
-            moved.append((both, f"the readings of lines {line[k]} and {line[other]} exchanged"))
-        for loads, words in moved:
+            moved.append(("readings exchanged", both, f"the readings of lines {line[k]} and {line[other]} exchanged"))
+        for kind, loads, words in moved:
             if not np.array_equal(loads, force):
-                yield Slip("readings slipped", f"{words}: put back they would fit", theta, loads)
+                yield Slip(kind, f"{words}: put back they would fit", theta, loads)
 
 
 def written(angle: float) -> str:

@@ -156,7 +156,7 @@ def _before_any_fit(data: LoadTest) -> NamedMistake | None:
     except CompstiffError:
         return None
     held = left_out(mended, poses(mended.data.rows))
-    return NamedMistake(Candidate(mistake, data, None, (mended,), 0.0, held), 1.0, 0.0, 0.0, rms(held), rms(held), 1)
+    return NamedMistake(Candidate(mistake, data, None, (mended,), 0.0, held), 1.0, 0.0, 0.0, np.nan, rms(held), 1)
 
 
 def beyond_the_fit(plain: Posterior) -> NamedMistake | None:

@@ -176,8 +176,14 @@ def test_an_adequate_answer_says_what_it_is_worth(tmp_path: Path) -> None:
     worst = np.max([each.unnoticed for each in judgement.showing], axis=0)
     line = next((line for line in found.lines() if "off by more than their intervals say" in line), "")
     assert [f"k{joint + 1} by" in line for joint in range(6)] == (worst > 1.96 * std).tolist()
-    for joint, percent in re.findall(r"k(\d) by ([\d.]+) %", line):
+    told = re.findall(r"k(\d) by ([\d.]+) %", line)
+    assert len(told) == line.count(" by ") - line.count("off by ")
+    for joint, percent in told:
         assert float(percent) == pytest.approx(100 * np.expm1(worst[int(joint) - 1]), rel=0.05)
+    doubled = replace(judgement.showing[0], size=1.0, springs=np.log([1.001, 1.05, 1.994, 1.996, 2.434, 20.0]))
+    assert [doubled.leaves_off(joint) for joint in (0, 1, 2, 3, 4)] == [
+        "k1 by 0.1 %", "k2 by 5 %", "k3 by 99 %", "k4 by 100 %", "k5 by 143 %"]
+    assert doubled.leaves_off() == "k6 by 1900 %"
     assert f"{len(shown) - len(missed)}, four times in five" in diagnosis_report(found)
 
 

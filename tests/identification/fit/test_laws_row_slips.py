@@ -69,3 +69,16 @@ def test_an_axis_that_nobody_read_tells_nothing() -> None:
     mend = row_mend(rows, off, np.full((2, 3), STD), 0)
     assert mend is not None
     assert "dx" in mend.what
+
+
+def test_readings_of_unlike_axes_were_not_exchanged() -> None:
+    """By a gauge that stood elsewhere for one of the rows."""
+    readings = np.array([[2e-4, np.nan, -1e-4], [1e-4, 3e-4, 3e-4]])
+    off = np.array([[1e-4, np.nan, -4e-4], [-1e-4, 0.0, 4e-4]])
+    rows = SimpleNamespace(deflection=readings, visit=np.zeros(2, dtype=int), row=np.array([1, 2]), line=np.array([2, 3]))
+    assert row_mend(rows, off, np.full((2, 3), STD), 0) is None
+    rows.deflection[0, 1], off[0, 1] = 3.2e-4, 2e-5
+    rows.deflection[1, 1], off[1, 1] = 3e-4, -2e-5
+    mend = row_mend(rows, off, np.full((2, 3), STD), 0)
+    assert mend is not None
+    assert mend.kind == "readings exchanged"

@@ -37,7 +37,7 @@ def test_what_is_of_the_pose_is_not_of_rows() -> None:
     """A visit is given another pose for the one, its rows other loads or readings for the other."""
     of_rows = {slip.kind for slip in slips(np.repeat(ANGLES, 3, axis=0)) if slip.in_rows}
     of_pose = {slip.kind for slip in slips(np.repeat(ANGLES, 3, axis=0)) if not slip.in_rows}
-    assert of_rows == {"sign of a load", "size of the loads", "readings slipped"}
+    assert of_rows == {"sign of a load", "size of the loads", "readings slipped", "readings exchanged"}
     assert "columns exchanged" in of_pose
     assert not of_rows & of_pose
 

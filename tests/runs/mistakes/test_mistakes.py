@@ -219,7 +219,7 @@ def test_so_are_two_that_decide_the_response_of_their_pose(tmp_path: Path) -> No
     """The two that are farthest apart: the pose seemed to have fz of the other sign, "100 % of what was tried"."""
     (cause,) = exchanged(tmp_path, 16, 177, 180).values()
     assert cause["effect"] == "bad_visit"
-    assert cause["mends"][0]["kind"] == "readings slipped"
+    assert cause["mends"][0]["kind"] == "readings exchanged"
     assert "lines 178 and 181 exchanged" in cause["mends"][0]["what"]
 
 
