@@ -183,7 +183,7 @@ def _cause_line(judgement: Judgement, cause: Cause) -> str:
 
 def _bad_row_line(bad: BadRow) -> str:
     off = ", ".join(f"{1e6 * component:.1f}" for component in bad.off)
-    told = f". {told_of([bad.mend])}" if bad.mend else ""
+    told = f"; {told_of([bad.mend])}" if bad.mend else ""
     return (f"named: row {bad.row} (line {bad.line}) is a bad reading, off by ({off}) um (p = {bad.p_value:.2g}); it was left "
             f"out{told}")
 
@@ -229,8 +229,9 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         largest = 1e6 * float(np.nanmax(np.abs(bad.off)))
         findings.append(Finding("CS1407", "warning", f"row {bad.row} is a bad reading, {largest:.1f} um off; it was left out",
                                 file=source, line=bad.line,
-                                hint="measure it again: what comes back is no slip, but a cause that shows there alone, such "
-                                     "as a gear that crosses its play under that load"))
+                                hint=(f"{told_of([bad.mend])}; else " if bad.mend else "") + "measure it again: what comes "
+                                     "back is no slip, but a cause that shows there alone, such as a gear that crosses its "
+                                     "play under that load"))
     if judgement.swing is not None:
         findings.append(Finding("CS1511", "warning", f"{judgement.swing.sentence}; the rows were given that much more sigma",
                                 file=source, hint=EFFECT.settles))

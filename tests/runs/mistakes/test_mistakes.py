@@ -200,7 +200,9 @@ def exchanged(folder: Path, seed: int, one: int, other: int) -> dict[str, dict]:
     assert case.pose[one - 1] == case.pose[other - 1]
     moved = case.moved.copy()
     moved[[one - 1, other - 1]] = moved[[other - 1, one - 1]]
-    causes = diagnosed(folder, *replace(case, moved=moved).write(folder))["causes"]
+    done = call("diagnose", *replace(case, moved=moved).write(folder), "-o", folder / "diagnosis.json", *FEW)
+    causes = json.loads((folder / "diagnosis.json").read_text())["causes"]
+    assert done.stderr.count("CS1407") == " ".join(done.stderr.split()).count("hint: exchanged with the reading of row")
     return {str((parameters.get("single_row") or parameters["pose"])["estimate"]): cause
             for cause in causes for parameters in [cause["parameters"]]}
 
