@@ -324,8 +324,7 @@ def make(seed: int, n: int, folder: pathlib.Path, trivial: bool = False) -> None
     for name, data in files.items():
         (folder / name).write_bytes(data)
     truth["files"], truth["targets"] = list(files), program.targets
-    routine = sum(1 for s in steps if s["cut"] and s["kind"] == "L") if style == "routine" else 0
-    first = routine + (truth["home"] and style != "procs")
+    first = int(truth["home"] and style != "procs")
     truth["tare"] = None if trivial else f"{first}:{first + 1}"
     (folder / "forces.csv").write_text(text, encoding="utf-8")
     (folder / "cell.yaml").write_text(cell_text(truth, force), encoding="utf-8")

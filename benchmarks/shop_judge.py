@@ -46,7 +46,7 @@ def changed(before: dict[str, bytes], after: dict[str, bytes]) -> list[str]:
             m = mask(line)
             if i < len(masked) and m == masked[i]:
                 i += 1
-            elif not re.match(r"Move[LC] T|(?:LOCAL |TASK )*(?:CONST|PERS|VAR) robtarget \w+:=T;$", m):
+            elif not re.match(r"Move[LC] T|Cut T;$|(?:LOCAL |TASK )*(?:CONST|PERS|VAR) robtarget \w+:=T;$", m):
                 wrong.append(f"{name}: a line that is not a move was added: {line[:90]}")
         if i < len(masked):
             wrong.append(f"{name}: line is gone or changed: {old[i][:90]}")

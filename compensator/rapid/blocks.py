@@ -33,6 +33,7 @@ class Step(NamedTuple):
     start: int
     end: int
     turn: int = -1      # which turn of a loop a call is, of those that are looked at turn by turn (handed_loops.py)
+    holds: int = 0      # how many targets stand in its place: those of a call that hands them over (handed_targets.py)
 
 
 @dataclass(slots=True, eq=False)

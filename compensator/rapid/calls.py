@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from compensator.rapid.blocks import DEEPEST, Arm, Block, Fork, Loop, Routine, Step, end_routines
+from compensator.rapid.blocks import DEEPEST, Arm, Block, Fork, Loop, Routine, Step
 from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
 from compensator.rapid.runs import Driven, Runs, Taken
 from compensator.rapid.runtime import MOTION, Parameter
@@ -38,7 +38,6 @@ def runs_of(
 ) -> Runs:
     """How the program drives its `count` targets: from its routine main, or from all routines that no other calls but those of
     traps. elsewhere: offsets of calls of another file's routines that drive."""
-    end_routines(routines, count)
     numbers = {routine.name: number for number, routine in reversed(list(enumerate(routines)))}
     called = {numbers[step.name] for routine in routines for step in routine.steps
               if step.kind == "call" and step.name in numbers}
@@ -159,7 +158,7 @@ class _Run:
             at = item.at if isinstance(item, Step) else item.head.at
             self._move(first, at)
             if isinstance(item, Step):
-                ended, first = self._step(item, scope, branch), at
+                ended, first = self._step(item, scope, branch), at + item.holds
             elif isinstance(item, Loop):
                 ended, first = self._loop(item, scope, branch), item.body.stop
             else:

@@ -7,13 +7,17 @@ not change them; a routine of another module of the file is given data that both
 
 from __future__ import annotations
 
+import re
 from collections import Counter
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, replace
 
-from compensator.rapid.blocks import Routine, Step, arguments, end_routines
+from compensator.rapid.blocks import Routine, Step, arguments
 from compensator.rapid.expressions import Expr
 from compensator.rapid.handed_loops import Turns, turn_by_turn
-from compensator.rapid.repeated import Repeated, places, repeat
+from compensator.rapid.lexer import TRIVIA
+from compensator.rapid.moves import OF_ONE_MOVE
+from compensator.rapid.repeated import Places, Time, repeat
 from compensator.rapid.runtime import MOTION
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Scope
@@ -22,58 +26,94 @@ from compensator.rapid.values import Values
 
 # A routine that calls drive to more targets keeps one for each of its moves.
 MOST = 100_000
+# What stands before and behind the target of a routine that is one MoveL: the end of its head, and its own.
+_BEFORE = re.compile(rb"(?i)\s*(?:\{[^}]*\}\s*)?\)" + TRIVIA + rb"MoveL\s+(?:ToPoint\s*:=\s*)?")
+_BEHIND = re.compile(rb"(?i)[^;!\"]*+;" + TRIVIA + rb"ENDPROC")
 _REASON = "the move serves every call of its routine, which goes to more places beside the target that is handed over"
 
 
 @dataclass(frozen=True, slots=True)
 class _Called:
-    """A routine of targets that calls hand over, its calls in the order of the text, and its targets at each. own: those,
-    counted from its first one, that alone make use of their parameter. referred: those whose parameter is a reference."""
+    """A routine of targets that calls hand over, and these at each call, in the order of the text. own: those, counted from its
+    first one, that alone make use of their parameter. referred: those whose parameter is a reference. alone: it is one MoveL
+    and nothing else."""
 
-    number: int
-    calls: list[Step]
-    targets: Repeated
+    times: list[Time]
     own: frozenset[int]
     referred: frozenset[int]
+    alone: bool
 
 
 def follow_calls(scan: Scan, values: Values) -> None:
-    """Gives each call of such a routine a routine of its own, with its targets, and says which these are in `scan.handed`."""
-    end_routines(scan.bodies, len(scan.move))
+    """Gives each call of such a routine a routine of its own, with its targets, which stand where the call does, and says which
+    these are in `scan.handed`."""
     turns = turn_by_turn(scan, values)
     twice = {name for name, count in Counter(routine.name for routine in scan.bodies).items() if count > 1}
-    followed = [called for number, routine in enumerate(scan.bodies) if routine.name not in twice
-                and (called := _called(scan, values, number, routine, turns)) is not None]
+    followed = {routine.name: called for routine in scan.bodies if routine.name not in twice
+                and (called := _called(scan, values, routine, turns)) is not None}
     if not followed:
         return
-    repeats = [called.targets for called in followed]
-    names: dict[Step, str] = {}
-    for called, targets in zip(followed, repeat(scan, repeats), strict=True):
-        count = called.targets.stop - called.targets.first
-        scan.handed.update({target: "" if at % count in called.own else _REASON for at, target in enumerate(targets)})
-        scan.referred.update(target for at, target in enumerate(targets) if at % count in called.referred)
-        scan.looped.update(targets[turn * count + at] for turn, step in enumerate(called.calls) if step.turn >= 0
-                           for at in range(count))
-        names |= {step: f"{step.name} {turn}" for turn, step in enumerate(called.calls)}
-        routine = scan.bodies[called.number]
-        scan.routines |= {f"{routine.name} {turn}": scan.routines[routine.name] for turn in range(len(called.calls))}
-    by_number = {called.number: called for called in followed}
+    calls = [step for routine in scan.bodies for step in routine.steps if _leads(step, routine, followed)]
+    led: dict[str, list[int]] = {name: [] for name in followed}
+    times = []
+    for number, step in enumerate(calls):
+        times.append(followed[step.name].times[len(led[step.name])])
+        led[step.name].append(number)
+    place = repeat(scan, times)
+    for number, step in enumerate(calls):
+        _tell(scan, followed[step.name], step, place.of_time(number))
+    for name, numbers in led.items():
+        scan.routines |= {_numbered(name, number): scan.routines[name] for number in numbers}
+    scan.bodies = _bodies(scan, followed, led, place)
+
+
+def _leads(step: Step, routine: Routine, followed: Container[str]) -> bool:
+    """Whether a step of a routine is the call of another one that is followed."""
+    return step.kind == "call" and step.name in followed and step.name != routine.name
+
+
+def _numbered(name: str, call: int) -> str:
+    return f"{name} {call}"
+
+
+def _tell(scan: Scan, called: _Called, step: Step, targets: range) -> None:
+    """Says in the scan what the targets of a call are."""
+    for at, target in enumerate(targets):
+        scan.handed[target] = "" if at in called.own else _REASON
+        if at in called.referred:
+            scan.referred.add(target)
+    if step.turn >= 0:
+        scan.looped.update(targets)
+    elif called.alone:
+        scan.alone[targets.start] = step.start, step.end
+
+
+def _bodies(scan: Scan, followed: Container[str], led: Mapping[str, list[int]], place: Places) -> list[Routine]:
+    """The routines in the order of the text, with what stands in them where it stands now; of those that are followed one for
+    each of the calls `led`."""
     bodies: list[Routine] = []
-    place = places(repeats)
-    for number, routine in enumerate(scan.bodies):
-        own = by_number.get(number)
-        before = place(routine.first)
-        steps = [step._replace(name=names.get(step, step.name)) for step in routine.steps]
-        for turn in range(len(own.calls) if own else 1):
-            more = turn * (routine.stop - routine.first)
-            moved = [step._replace(at=before + more + step.at - routine.first if own else place(step.at))
-                     for step in steps]
-            name = f"{routine.name} {turn}" if own else routine.name
-            bodies.append(Routine(name, before + more, routine.kind, routine.scope, moved, local=routine.local))
-    scan.bodies = bodies
+    behind = 0
+    for routine in scan.bodies:
+        first = place(routine.first, behind)
+        within, moved = list[Step](), list[Step]()
+        for step in routine.steps:
+            at, holds = place(step.at, behind), 0
+            if _leads(step, routine, followed):
+                holds = len(place.of_time(behind))
+                step, behind = step._replace(name=_numbered(step.name, behind)), behind + 1
+            within.append(step._replace(at=step.at - routine.first))
+            moved.append(step._replace(at=at, holds=holds))
+        if routine.name not in followed:
+            bodies.append(Routine(routine.name, first, routine.kind, routine.scope, moved, place(routine.stop, behind),
+                                  routine.local))
+        for number in led.get(routine.name, ()):
+            targets = place.of_time(number)
+            bodies.append(Routine(_numbered(routine.name, number), targets.start, routine.kind, routine.scope,
+                                  [step._replace(at=targets.start + step.at) for step in within], targets.stop, routine.local))
+    return bodies
 
 
-def _called(scan: Scan, values: Values, number: int, routine: Routine, looped: Turns) -> _Called | None:
+def _called(scan: Scan, values: Values, routine: Routine, looped: Turns) -> _Called | None:
     """A routine as its calls drive it; None where it is another one, or no call is known."""
     slots = _slots(scan, values, routine)
     if not slots:
@@ -88,19 +128,28 @@ def _called(scan: Scan, values: Values, number: int, routine: Routine, looped: T
         return None
     if not 0 < len(calls) * len(exprs) <= MOST:
         return None
-    turns = []
+    times = []
     for step, scope in calls:
         given = _given(scan, values, step, scope, routine.scope, looped)
         if any(slots[name] >= len(given) or given[slots[name]] is None for name in named):
             return None
         handed = {name: one for name in named if (one := given[slots[name]]) is not None}
-        turns.append([_put(expr, handed) for expr in exprs])
-    times = Counter(named)
+        times.append(Time(routine.first, routine.stop, [_put(expr, handed) for expr in exprs], step.at, step.start))
+    count = Counter(named)
     own = frozenset(at for at, (expr, name) in enumerate(zip(exprs, named, strict=True))
-                    if expr.kind == "name" and times[name] == 1 and (name, routine.scope) not in scan.uses.read)
+                    if expr.kind == "name" and count[name] == 1 and (name, routine.scope) not in scan.uses.read)
     modes = {scan.names.declarations[one.declaration].name: one.mode for one in scan.routines[routine.name]}
     referred = frozenset(at for at, name in enumerate(named) if modes[name] != "in")
-    return _Called(number, [step for step, _ in calls], Repeated(routine.first, routine.stop, turns), own, referred)
+    return _Called(times, own, referred, own == {0} and not referred and _alone(scan, routine))
+
+
+def _alone(scan: Scan, routine: Routine) -> bool:
+    """Whether a MoveL that several may follow each other of is all that stands in a routine of one target."""
+    data, start = scan.source.data, scan.start[routine.first]
+    header = max(scan.names.declarations[one.declaration].end for one in scan.routines[routine.name])
+    tail = _BEHIND.match(data, scan.end[routine.first])
+    return (len(scan.tails) > 0 and _BEFORE.fullmatch(data, header, start) is not None and tail is not None
+            and not OF_ONE_MOVE.search(tail.group()) and scan.tails[scan.tail[routine.first]].signal is None)
 
 
 def _slots(scan: Scan, values: Values, routine: Routine) -> dict[str, int]:

@@ -1,7 +1,8 @@
 """Further moves in the text of a program: intermediate targets of a long MoveL, an arc in several parts, a smaller zone.
 
 Only moves that stand by themselves are touched: the instruction, its targets and its tail, with nothing but blanks and comments
-between them and the move before, so that they are driven one after the other whenever the second is driven.
+between them and the move before, so that they are driven one after the other whenever the second is driven. A call that hands
+its target to a routine of a single MoveL is such a move, too.
 """
 
 from __future__ import annotations
@@ -13,15 +14,13 @@ from dataclasses import dataclass
 from compensator.rapid.expressions import Cursor
 from compensator.rapid.lexer import TRIVIA, tokens
 from compensator.rapid.literals import Pose, fresh
-from compensator.rapid.moves import parse_tail
+from compensator.rapid.moves import OF_ONE_MOVE, parse_tail
 from compensator.rapid.program import RapidProgram
 from compensator.rapid.writer import Edit, apply
 from compensator.toolpath import Move
 
 _HEAD = re.compile(rb"(?i)(?<![\w\x80-\xff])Move[LC](?:DO)?\s*(?:\s(?:ToPoint|CirPoint)\s*:=\s*)?\Z")
 _TAIL = re.compile(rb"[^;!\"]*+;")
-# Arguments with which a further move would not be the same: a time for the whole, synchronised robots, path corrections.
-_OWN = re.compile(rb"(?i)\\\s*(?:T|ID|Corr|Conc)(?![\w\x80-\xff])")
 _BETWEEN = re.compile(TRIVIA)
 _LINE_END = re.compile(rb"(?:\r*\n|\r)\Z")
 _LONGEST_HEAD = 80
@@ -64,11 +63,15 @@ def _last(program: RapidProgram, first: int) -> int:
 
 
 def _span(program: RapidProgram, first: int) -> tuple[int, int] | None:
-    """Where the move begins whose first target is `first`, and behind its semicolon; None where it cannot be repeated."""
+    """Where the move begins whose first target is `first`, and behind its semicolon; None where it cannot be repeated. One that
+    a call leads to is the call, whose stop would be that of each further one."""
+    if first in program.scan.handed:
+        stops = program.scan.tails[program.scan.tail[first]].stops or not program.toolpath.zone[first] > 0
+        return None if stops else program.scan.alone.get(first)
     data, begin = program.source.data, program.scan.start[first]
     low = max(begin - _LONGEST_HEAD, 0)
     head, tail = _HEAD.search(data[low:begin]), _TAIL.match(data, program.scan.end[_last(program, first)])
-    if head is None or tail is None or _OWN.search(tail.group()):
+    if head is None or tail is None or OF_ONE_MOVE.search(tail.group()):
         return None
     return low + head.start(), tail.end()
 
@@ -88,6 +91,8 @@ def follows_directly(program: RapidProgram, first: int) -> bool:
     if first == 0:
         return False
     data, scan = program.source.data, program.scan
+    if first - 1 in scan.handed and first - 1 not in scan.alone:
+        return False
     before, here = _TAIL.match(data, scan.end[first - 1]), _span(program, first)
     return before is not None and here is not None and _BETWEEN.fullmatch(data, before.end(), here[0]) is not None
 
@@ -106,10 +111,21 @@ def with_more_moves(program: RapidProgram, more: Sequence[MoreMoves]) -> bytes:
     """The program with these moves added; whoever asks has made sure by `move_text` that they can be."""
     edits: list[Edit] = []
     for move in more:
+        if move.first in program.scan.alone:
+            edits.append(_calls(program, move))
+            continue
         text = move_text(program, move.first)
         assert text is not None
         edits += _arc(program, move, text) if move.halves[0] else _line(program, move, text)
     return apply(program.source.data, edits)
+
+
+def _calls(program: RapidProgram, move: MoreMoves) -> Edit:
+    data, scan = program.source.data, program.scan
+    start, end = scan.alone[move.first]
+    head, tail = data[start:scan.start[move.first]], data[scan.end[move.first]:end]
+    row, gap = program.rows.numbers[program.rows.row[move.first]], _gap(data, start)
+    return start, start, b"".join(head + fresh(row, pose) + tail + gap for pose in move.linear)
 
 
 def _line(program: RapidProgram, move: MoreMoves, text: MoveText) -> list[Edit]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from compensator.rapid.expressions import Cursor, Expr, arguments
@@ -21,6 +22,8 @@ ARGUMENTS = {
 _PARAMETERS = {"circle point": "cirpoint", "target": "topoint", "joint target": "tojointpos"}
 _BEHIND_TARGETS = ("speed", "zone", "tool", "signal", "value")
 
+OF_ONE_MOVE = re.compile(rb"(?i)\\\s*(?:T|ID|Corr|Conc)(?![\w\x80-\xff])")
+"""Arguments with which a further move would not be the same: a time for the whole, synchronised robots, path corrections."""
 DISPLACEMENT = {"pdispon": True, "pdispset": True, "pdispadd": True, "pdispoff": False}
 """Instructions that switch a program displacement on or off."""
 SOFT_SERVO = {"softact": True, "softdeact": False, "cssact": True, "cssdeactmovel": False, "fcact": True, "fcdeact": False}

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from compensator.rapid.blocks import end_routines
 from compensator.rapid.calls import runs_of
 from compensator.rapid.handed import Beside, Elsewhere, called_elsewhere
 from compensator.rapid.handed_targets import follow_calls
@@ -40,6 +41,7 @@ def read_rapid(data: bytes, name: str = "program.mod", beside: Beside | None = N
     source = decode(data, name)
     scanned = scan(source)
     values = Values(source, scanned.names, changing(scanned.names, scanned.uses, scanned.routines))
+    end_routines(scanned.bodies, len(scanned.move))
     unroll(scanned, values)
     tell_apart(scanned)
     follow_calls(scanned, values)
@@ -75,11 +77,9 @@ def read_rapid(data: bytes, name: str = "program.mod", beside: Beside | None = N
     external = external[setting] if not np.isnan(external).all() else np.broadcast_to(np.nan, (count, 6))
     line, column = locate(source, np.asarray(scanned.start, dtype=np.int64))
     column = held_once(column)              # a post-processor begins all lines alike
-    displaced = np.array([shift for _, shift in scanned.shifts])[_held(scanned.shifts, count)]
-    soft = np.array([on for _, on in scanned.softened])[_held(scanned.softened, count)]
-    if len(scanned.shifts) + len(scanned.softened) > 2:
-        displaced, soft = displaced | runs.displaced, soft | runs.soft
+    displaced = np.array([shift for _, shift in scanned.shifts])[_held(scanned.shifts, count)] | runs.displaced
     displaced = displaced & ~absolute
+    soft = np.array([on for _, on in scanned.softened])[_held(scanned.softened, count)] | runs.soft
     offset = np.array([on for _, on in scanned.offsets])[_held(scanned.offsets, count)] & ~np.isnan(external).all(axis=1)
     together = np.array([tail.together for tail in scanned.tails] or [False])[tails.tail]
     places = Places(source, line, column)
@@ -90,7 +90,8 @@ def read_rapid(data: bytes, name: str = "program.mod", beside: Beside | None = N
         confdata=confdata, has_confdata=has_confdata,
         external=nothing_or(external), joints=nothing_or(joints), tool=tails.tool, workobject=tails.workobject,
         feed=tails.feed, zone=tails.zone, block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
-        switched=tuple(scanned.units), together=together if together.any() else None, driven=runs.order,
+        switched=tuple((first, unit, on) for first, unit, on, _ in scanned.units),
+        together=together if together.any() else None, driven=runs.order,
         ways=_ways(source, runs), uncounted=runs.uncounted, others=_others(scanned, elsewhere),
     )
     read_only(position, quaternion, toolpath.external, toolpath.joints, line, column, block, toolpath.confdata, has_confdata)

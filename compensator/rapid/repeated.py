@@ -3,79 +3,95 @@
 from __future__ import annotations
 
 from array import array
-from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compensator.rapid.expressions import Expr
 from compensator.rapid.scan import Scan
 
-_Entry = TypeVar("_Entry", bound=tuple[object, ...])
+Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
-class Repeated:
-    """Targets first ... stop - 1 of the text; turns: the expressions of these at each time."""
+class Time:
+    """Targets first ... stop - 1 of the text as they are driven one time: their expressions; at: the target of the text before
+    which they stand then; start: the offset of the loop or call that leads to them."""
 
     first: int
     stop: int
-    turns: list[list[Expr]]
+    exprs: list[Expr]
+    at: int
+    start: int
+
+
+class Places:
+    """Where what stands in a text of so many targets stands once each of these times, in their order, has targets of its own,
+    which those in the text give way to."""
+
+    def __init__(self, times: Sequence[Time], count: int) -> None:
+        kept = np.ones(count, dtype=bool)
+        for first, stop in {(time.first, time.stop) for time in times}:
+            kept[first:stop] = False
+        self._kept = np.insert(np.cumsum(kept), 0, 0)
+        self._at = [time.at for time in times]
+        self._more = [0, *accumulate(len(time.exprs) for time in times)]
+        self.stay: Indices = np.flatnonzero(kept)
+
+    def __call__(self, target: int, times: int | None = None) -> int:
+        """That of what stands before a target of the text, and behind so many times: None, behind those that stand before an
+        earlier target."""
+        return int(self._kept[target]) + self._more[bisect_left(self._at, target) if times is None else times]
 
     @property
-    def more(self) -> int:
-        return (len(self.turns) - 1) * (self.stop - self.first)
+    def stayed(self) -> Indices:
+        """The places of the targets `stay` of the text that stay (n,)."""
+        behind = np.searchsorted(np.array(self._at, dtype=np.intp), self.stay, side="right")
+        return np.asarray(self._kept[self.stay] + np.array(self._more)[behind], dtype=np.intp)
+
+    def of_time(self, number: int) -> range:
+        """The targets of one time."""
+        begin = int(self._kept[self._at[number]]) + self._more[number]
+        return range(begin, begin + self._more[number + 1] - self._more[number])
 
 
-def repeat(scan: Scan, repeats: Sequence[Repeated]) -> list[range]:
-    """Gives each time targets of its own, which stand where their expression does; the numbers of the targets of each of the
-    repeated, which stand in the order of the text. The steps of routines stay as they are."""
-    take, expressions, ranges = _targets(scan, repeats)
+def repeat(scan: Scan, times: Sequence[Time]) -> Places:
+    """Gives each time, in the order of the text, targets of its own, which stand where their expression does. The steps of
+    routines stay as they are."""
+    count = len(scan.move)
+    places = Places(times, count)
+    stayed = places.stayed
+    take = np.empty(len(stayed) + sum(len(time.exprs) for time in times), dtype=np.intp)
+    take[stayed] = places.stay
+    for number, time in enumerate(times):
+        take[places.of_time(number)] = np.arange(time.first, time.stop)
     for name in ("start", "rest", "end", "name", "tail"):
         column: array[int] = getattr(scan, name)
         setattr(scan, name, array(column.typecode, np.frombuffer(column, dtype=column.typecode)[take].tolist()))
     scan.move = bytearray(np.frombuffer(scan.move, dtype=np.uint8)[take].tobytes())
-    for target in (target for targets in ranges for target in targets):
-        expr = expressions[target]
-        scan.start[target], scan.end[target], scan.name[target] = expr.start, expr.end, -1
-    scan.expressions = expressions
-    for name in ("scopes", "shifts", "softened", "offsets", "units"):
-        setattr(scan, name, _moved(getattr(scan, name), places(repeats)))
-    return ranges
+    for name in ("scopes", "shifts", "softened", "offsets"):
+        setattr(scan, name, _still_in_force(getattr(scan, name), take, count))
+    starts = [time.start for time in times]
+    scan.units = [(places(first, bisect_left(starts, start)), name, on, start) for first, name, on, start in scan.units]
+    now = dict(zip(places.stay.tolist(), stayed.tolist(), strict=True)) if scan.expressions or scan.looped else {}
+    scan.looped = {now[target] for target in scan.looped if target in now}
+    scan.expressions = {now[target]: expr for target, expr in scan.expressions.items() if target in now}
+    for number, time in enumerate(times):
+        for target, expr in zip(places.of_time(number), time.exprs, strict=True):
+            scan.expressions[target] = expr
+            scan.start[target], scan.end[target], scan.name[target] = expr.start, expr.end, -1
+    return places
 
 
-def _targets(scan: Scan, repeats: Sequence[Repeated]) -> tuple[np.ndarray, dict[int, Expr], list[range]]:
-    """Which target of the text each is, its expression where it has one, and those of the repeated."""
-    take: list[np.ndarray] = []
-    expressions: dict[int, Expr] = {}
-    ranges = []
-    at = number = 0
-    for repeated in repeats:
-        take.append(np.arange(at, repeated.first))
-        number += repeated.first - at
-        begin = number
-        for turn in repeated.turns:
-            take.append(np.arange(repeated.first, repeated.stop))
-            expressions.update(enumerate(turn, number))
-            number += len(turn)
-        ranges.append(range(begin, number))
-        at = repeated.stop
-    take.append(np.arange(at, len(scan.move)))
-    inside = {target for repeated in repeats for target in range(repeated.first, repeated.stop)}
-    place = places(repeats)
-    expressions.update((place(target), expr) for target, expr in scan.expressions.items() if target not in inside)
-    return np.concatenate(take), expressions, ranges
-
-
-def places(repeats: Sequence[Repeated]) -> Callable[[int], int]:
-    """The place of a target, or of what stands before it, with all times."""
-    stops = [repeated.stop for repeated in repeats]
-    more = [0, *accumulate(repeated.more for repeated in repeats)]
-    return lambda target: target + more[bisect_right(stops, target)]
-
-
-def _moved(entries: list[_Entry], place: Callable[[int], int]) -> list[_Entry]:
-    return [type(entry)((place(int(str(entry[0]))), *entry[1:])) for entry in entries]
+def _still_in_force(entries: list[tuple[int, Any]], take: Indices, count: int) -> list[tuple[int, Any]]:
+    """What holds from which target on, so that what holds for target k now is what held for target take[k] of the text."""
+    first = np.array([target for target, _ in entries])
+    number = np.searchsorted(first, np.arange(count), side="right") - 1
+    held = number[take]
+    change = np.flatnonzero(np.diff(held, prepend=-1))
+    return [(target, entries[held[target]][1]) for target in change.tolist()] if len(take) else entries

@@ -26,10 +26,10 @@ class Scan:
     start, end: span of the target's expression. rest: offset of its confdata where it is written in numbers, else -1.
     name: number in `spellings` where it is just a name, else -1. `expressions` holds the others by target.
     scopes, shifts, softened, offsets: (first target, value) from which on the scope holds, the program is displaced, its servo
-    soft, or the external axes displaced. units: (first target, name of a mechanical unit, whether it is on) of each switch.
-    looped: targets to which a move in a loop drives, one each turn (unrolled.py). handed: targets that calls hand over, one
-    each call, and why they cannot be corrected, "" where they can; referred: those that are handed over by reference
-    (handed_targets.py).
+    soft, or the external axes displaced. units: (first target, name of a mechanical unit, whether it is on, offset) of each
+    switch. looped: targets to which a move in a loop drives, one each turn (unrolled.py). handed: targets that calls hand over,
+    one each call, and why they cannot be corrected, "" where they can; referred: those that are handed over by reference;
+    alone: those whose call is one move and nothing else, and the span of that call (handed_targets.py).
     """
 
     source: Source
@@ -51,9 +51,10 @@ class Scan:
     looped: set[int] = field(default_factory=set)
     handed: dict[int, str] = field(default_factory=dict)
     referred: set[int] = field(default_factory=set)
+    alone: dict[int, tuple[int, int]] = field(default_factory=dict)
     softened: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     offsets: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
-    units: list[tuple[int, str, bool]] = field(default_factory=list)
+    units: list[tuple[int, str, bool, int]] = field(default_factory=list)
     others: list[tuple[str, int]] = field(default_factory=list)     # further motion instructions: name, offset
     modules: list[int] = field(default_factory=list)                # where each MODULE begins
     stray: int = -1                                                 # offset of text that is no statement

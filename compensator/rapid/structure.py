@@ -164,7 +164,7 @@ class Statements:
         elif name in AXIS_OFFSET:
             self.scan.offsets.append((len(self.scan.move), AXIS_OFFSET[name]))
         elif name in UNIT_SWITCH:
-            self.scan.units.append((len(self.scan.move), words[1].word, UNIT_SWITCH[name]))
+            self.scan.units.append((len(self.scan.move), words[1].word, UNIT_SWITCH[name], words[0].start))
         elif MOTION.fullmatch(name):
             self.scan.others.append((name, words[0].start))
         self.scan.uses.reads(words[1:], self.scan.scope, name)

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from compensator.rapid.arithmetic import arithmetic
-from compensator.rapid.blocks import Loop, end_routines, words_of
+from compensator.rapid.blocks import Loop, words_of
 from compensator.rapid.conditions import split
 from compensator.rapid.expressions import Expr
 from compensator.rapid.lexer import Token, tokens
-from compensator.rapid.repeated import Repeated, places, repeat
+from compensator.rapid.repeated import Time, repeat
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Scope
 from compensator.rapid.values import Unsettled, Values
@@ -28,23 +28,22 @@ class _Turned:
     """A loop of targets, and these at each turn."""
 
     loop: Loop
-    targets: Repeated
+    turns: list[Time]
 
 
 def unroll(scan: Scan, values: Values) -> None:
     """Gives each turn of such loops targets of its own, and says which these are in `scan.looped`."""
-    end_routines(scan.bodies, len(scan.move))
     loops = [turned for routine in scan.bodies for loop in routine.body.loops()
              if (turned := _turned(scan, values, loop, routine.scope)) is not None]
     if not loops:
         return
-    loops.sort(key=lambda turned: turned.targets.first)
-    repeats = [turned.targets for turned in loops]
-    scan.looped.update(target for targets in repeat(scan, repeats) for target in targets)
-    place = places(repeats)
+    loops.sort(key=lambda turned: turned.loop.body.first)
+    times = [turn for turned in loops for turn in turned.turns]
+    place = repeat(scan, times)
+    scan.looped.update(target for number in range(len(times)) for target in place.of_time(number))
     gone = {step for turned in loops for step in (turned.loop.head, turned.loop.end)}
     for routine in scan.bodies:
-        routine.first = place(routine.first)
+        routine.first, routine.stop = place(routine.first), place(routine.stop)
         routine.steps = [step._replace(at=place(step.at)) for step in routine.steps if step not in gone]
         routine.forget()
 
@@ -64,8 +63,8 @@ def _turned(scan: Scan, values: Values, loop: Loop, scope: Scope) -> _Turned | N
         at_turn = [None if expr is None else target_at(values, expr, scope, {name: turn}) for expr in exprs]
         if None in at_turn:
             return None
-        found.append([expr for expr in at_turn if expr is not None])
-    return _Turned(loop, Repeated(first, stop, found))
+        found.append(Time(first, stop, [expr for expr in at_turn if expr is not None], first, loop.head.start))
+    return _Turned(loop, found)
 
 
 def turns_of(scan: Scan, values: Values, loop: Loop, scope: Scope) -> tuple[str, list[float]] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from compensator.rapid import RapidProgram, move_text, read_rapid, rewrite
+from compensator.rapid import MoreMoves, Pose, RapidProgram, follows_directly, move_text, read_rapid, rewrite, with_more_moves
 from tests.compensator.rapid.small_programs import target
 
 DATA = "".join(f"CONST robtarget p{k}:={target(k)};\n" for k in range(10, 14))
@@ -44,6 +44,80 @@ def test_each_call_has_its_targets(body: str, routines: str, driven: list[int]) 
     np.testing.assert_allclose(numbers(read), driven, atol=1e-6)
     assert not read.toolpath.block.any()
     assert {finding.code for finding in read.toolpath.findings} >= {"CS2060"}
+
+
+def test_targets_count_where_their_calls_stand() -> None:
+    """As the program drives them, wherever the routine stands; what holds behind a call holds for the moves behind it."""
+    body = (f"{move(target(1))}cut p10;\nSoftAct 1,20;\n{move(target(2))}SoftDeact;\ncut p11;\nFOR i FROM 1 TO 2 DO\n"
+            f"{move('a{i}')}ENDFOR\nActUnit STN1;\ncut p12;\nDeactUnit STN1;\ncut p13;\n")
+    text = f"MODULE M\n{DATA}{ARRAY}{CUT}PROC main()\n{body}ENDPROC\nENDMODULE\n"
+    read = read_rapid(text.encode(), "handed.mod")
+    assert read.toolpath.driven is None
+    assert (np.diff(read.runs.times) == 0).all()
+    np.testing.assert_allclose(numbers(read), [1, 10, 2, 11, 10, 11, 12, 13], atol=1e-6)
+    lines = [text[:at].count("\n") + 1 for at in (text.index(f"cut p{k}") for k in (10, 11, 12, 13))]
+    assert read.toolpath.line[[1, 3, 6, 7]].tolist() == lines
+    assert [bool(why) for why in read.toolpath.block] == [False, False, True, *5 * [False]]
+    assert read.toolpath.switched == ((6, "stn1", True), (7, "stn1", False))
+    assert read.scan.looped == {4, 5}
+    assert sorted(read.scan.handed) == [1, 3, 6, 7]
+
+
+def test_calls_within_a_routine_that_is_handed_its_own_targets() -> None:
+    text = (f"PROC layer(robtarget p)\n{move('p')}cut p13;\nENDPROC\n{CUT}")
+    read = program(f"layer p10;\n{move(target(1))}layer p11;\ncut p12;", text)
+    np.testing.assert_allclose(numbers(read), [10, 13, 1, 11, 13, 12], atol=1e-6)
+
+
+def further(read: RapidProgram, first: int, *places: tuple[float, float, float]) -> str:
+    """The program with linear targets [mm] before one of its own."""
+    turn = read.toolpath.quaternion[first].tolist()
+    more = MoreMoves(first, linear=[Pose([*place, *turn], [0, 0, 0, 0], None) for place in places])
+    return with_more_moves(read, [more]).decode()
+
+
+@pytest.mark.parametrize(("call", "head", "tail"), [
+    (f"cut {target(5)};", "cut ", ";"), ("cut p11;", "cut ", ";"), ("cut p:=p11;", "cut p:=", ";"),
+    ('%"cut"% p11;', '%"cut"% ', ";")])
+def test_a_call_that_is_one_move_is_repeated_for_further_targets(call: str, head: str, tail: str) -> None:
+    read = program(f"{move(target(1))}  {call}\ncut p12;")
+    assert [follows_directly(read, at) for at in range(3)] == [False, True, True]
+    written = further(read, 1, (1, 2, 3), (4, 5, 6))
+    again = read_rapid(written.encode(), "handed.mod")
+    np.testing.assert_allclose(1e3 * again.toolpath.position[[1, 2]], [[1, 2, 3], [4, 5, 6]], atol=1e-9)
+    np.testing.assert_allclose(again.toolpath.position[[0, 3, 4]], read.toolpath.position, atol=1e-12)
+    added = [line for line in written.splitlines() if line not in read.source.data.decode().splitlines()]
+    assert len(added) == 2
+    assert all(line.startswith(f"  {head}[[") and line.endswith(f"]{tail}") for line in added)
+    assert again.toolpath.driven is None
+    assert not again.toolpath.block.any()
+
+
+def test_further_arguments_of_a_call_go_along() -> None:
+    cut = "PROC cut(robtarget p,speeddata v,num n)\nMoveL p,v,z1,tool0;\nENDPROC\n"
+    read = program("cut p10,v50,3;\ncut p11,v50,4;", cut)
+    again = read_rapid(further(read, 1, (1, 2, 3)).encode(), "handed.mod")
+    assert "],v50,4;\ncut p11,v50,4;" in again.source.data.decode()
+
+
+@pytest.mark.parametrize("routines", [
+    CUT.replace("z1", "fine"), CUT.replace("z1", "z1\\Inpos:=inpos50"), CUT.replace("v100", "v100\\T:=2"),
+    CUT.replace("MoveL p", "WaitTime 0.1;\nMoveL p"), CUT.replace("ENDPROC", "SetDO do1,1;\nENDPROC"),
+    CUT.replace("\nMoveL", "\nVAR num n;\nMoveL"), CUT.replace("MoveL", "MoveJ"), CUT.replace("(robtarget", "(VAR robtarget"),
+    "PROC cut(robtarget p)\nMoveLDO p,v100,z1,tool0,do1,1;\nENDPROC\n", CUT.replace("ENDPROC", "ERROR\nRETRY;\nENDPROC"),
+    f"PROC cut(robtarget p)\n{move('p')}{move('Offs(p,0,0,9)')}ENDPROC\n"])
+def test_other_calls_are_not_repeated(routines: str) -> None:
+    """A stop at each further target, a second wait, an output set twice: the part would show it."""
+    read = program("cut p10;\ncut p11;", routines, DATA.replace("CONST", "PERS"))
+    assert len(read.scan.handed) == 2 + 2 * routines.count("Offs")
+    assert not any(follows_directly(read, at) for at in range(len(read.toolpath)))
+
+
+def test_a_move_behind_a_call_that_does_more_than_move_has_no_further_targets() -> None:
+    """It may have gone on elsewhere."""
+    read = program(f"cut p10;\n{move(target(1))}", CUT.replace("ENDPROC", "home;\nENDPROC\nPROC home()\n" + move(target(3))
+                                                              + "ENDPROC"))
+    assert not follows_directly(read, 1)
 
 
 def test_places_beside_a_target_that_is_handed_over_are_known_and_left() -> None:
@@ -169,7 +243,7 @@ def test_what_one_module_alone_sees_is_not_followed_into_another(first: str, sec
 def test_what_is_corrected_is_written_into_the_calls_and_nothing_else_changes() -> None:
     read = program(f"{move('p12')}cut p10;\ncut p11;\ncut p10;\ncut {target(5)};\n{move(target(1))}")
     places = read.toolpath.position + np.outer(np.arange(1, 7), [1e-4, 0, 0])
-    which = np.array([2, 3, 4, 5])
+    which = np.array([1, 2, 3, 4])
     written = rewrite(read, which, places[which], read.toolpath.quaternion[which]).content
     again = read_rapid(written, "handed.mod")
     expected = read.toolpath.position.copy()

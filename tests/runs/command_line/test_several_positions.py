@@ -70,15 +70,14 @@ def test_forces_behind_such_a_move_are_left_where_the_log_counts_its_way(tmp_pat
     only_the_first_ten(tmp_path, path)
 
 
-# By a parameter the ten targets of the way come last in the text, and are handed over in its order.
-@pytest.mark.parametrize(("name", "at"), [("written", 25), ("known", 25), ("parameter", 15)])
-def test_such_moves_are_corrected_where_the_text_settles_them(tmp_path: Path, name: str, at: int) -> None:
+@pytest.mark.parametrize("name", ["written", "known", "parameter"])
+def test_such_moves_are_corrected_where_the_text_settles_them(tmp_path: Path, name: str) -> None:
     path = Path3(POINTS)
     result = Job(tmp_path, program=programs(path)[name], forces=log(path)).correct("--json", "--keep-targets")
     assert result.code == 0, result
     assert not {"CS2056", "CS3124"} & kit.codes(result)
     meant = kit.deviation(IRB6660, path.q[25], TOOL.p, np.r_[OTHER, 0, 0, 0], K) * 1e6
-    np.testing.assert_allclose(deviations(tmp_path)[at], meant, atol=0.5)
+    np.testing.assert_allclose(deviations(tmp_path)[25], meant, atol=0.5)
 
 
 def test_forces_behind_a_routine_of_another_file_do_not_land_on_other_targets(tmp_path: Path) -> None:
@@ -95,7 +94,7 @@ def test_forces_behind_a_routine_of_another_file_do_not_land_on_other_targets(tm
 
 
 def test_elements_that_a_loop_hands_over_are_corrected_in_the_array(tmp_path: Path) -> None:
-    """Each as under its own force: by target numbers, which count the calls in their order at the routine's place."""
+    """Each as under its own force: by target numbers, which count the calls where they stand."""
     path = Path3(POINTS[:10])
     array = "CONST robtarget aCut{10}:=[" + ",\n".join(path.text) + "];\n"
     head = kit.module([]).split("PROC")[0].rstrip()
