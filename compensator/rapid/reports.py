@@ -118,8 +118,8 @@ def _called(scan: Scan, places: Places, block: NDArray[np.object_]) -> list[Find
         return []
     findings = [places.targets(
         "CS2060", "note", f"{counted(len(scan.handed), 'target')} of routines to which calls hand their target: each call "
-        "counts as moves of its own, where it stands", sorted(scan.handed), "what is corrected is written into the call, or into the array "
-        "whose elements a loop hands over")]
+        "counts as moves of its own, where it stands", sorted(scan.handed),
+        "what is corrected is written into the call, or into the array whose elements a loop hands over")]
     for why in sorted({why for why in scan.handed.values() if why}):
         which = [target for target in sorted(scan.handed) if scan.handed[target] == why and not block[target]]
         block[which] = why
