@@ -25,6 +25,8 @@ def mask(line: str) -> str:
     """A line with its targets taken out: what must be the same before and after."""
     line = re.sub(LITERAL, "T", line)
     line = re.sub(r"(?:Offs|RelTool)\([^()]*\)", "T", line)
+    line = re.sub(r"aPath\{\d+\}:=\[T(?:,T)*\]", "aPath:=T", line)           # an array may grow, and its loops with it
+    line = re.sub(r"^FOR i FROM \d+ TO \d+ DO$", "FOR i DO", line)
     if m := re.match(r"(Move[LJC]) (.*);$", line):
         args = pieces(m[2])
         args[:1 + (m[1] == "MoveC")] = ["T"] * (1 + (m[1] == "MoveC"))

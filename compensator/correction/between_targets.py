@@ -157,8 +157,8 @@ def _findings(looked_at: LookedAt, points: Indices, left: Array) -> tuple[Findin
          "the entry into and the exit from a cut are such places"),
         (over & ~beside & ~near, "CS3091", "warning", "no target can be added to the move" if not settings.keep_targets else
          "no target is added (--keep-targets)", "without --keep-targets, moves that follow each other directly are refined" if
-         settings.keep_targets else "targets are added where moves stand one a line: let the post write those of a loop or a "
-         "routine so"))
+         settings.keep_targets else "targets are added to moves that stand one a line, and to a loop of one MoveL to "
+         "aPath{i} with a zone: let the post write those of other loops and routines so"))
     findings = []
     for mask, code, level, why, hint in reasons:
         if mask.any():

@@ -24,8 +24,8 @@ from compensator.rapid.scopes import Scope
 from compensator.rapid.unrolled import target_at
 from compensator.rapid.values import Values
 
-# A routine that calls drive to more targets keeps one for each of its moves.
-MOST = 100_000
+# A routine that calls drive to more targets keeps one for each of its moves; of more than FEW calls none is repeated.
+MOST, FEW = 400_000, 100_000
 # What stands before and behind the target of a routine that is one MoveL: the end of its head, and its own.
 _BEFORE = re.compile(rb"(?i)\s*(?:\{[^}]*\}\s*)?\)" + TRIVIA + rb"MoveL\s+(?:ToPoint\s*:=\s*)?")
 _BEHIND = re.compile(rb"(?i)[^;!\"]*+;" + TRIVIA + rb"ENDPROC")
@@ -140,7 +140,7 @@ def _called(scan: Scan, values: Values, routine: Routine, looped: Turns) -> _Cal
                     if expr.kind == "name" and count[name] == 1 and (name, routine.scope) not in scan.uses.read)
     modes = {scan.names.declarations[one.declaration].name: one.mode for one in scan.routines[routine.name]}
     referred = frozenset(at for at, name in enumerate(named) if modes[name] != "in")
-    return _Called(times, own, referred, own == {0} and not referred and _alone(scan, routine))
+    return _Called(times, own, referred, own == {0} and not referred and len(calls) <= FEW and _alone(scan, routine))
 
 
 def _alone(scan: Scan, routine: Routine) -> bool:

@@ -2,20 +2,25 @@
 
 Only moves that stand by themselves are touched: the instruction, its targets and its tail, with nothing but blanks and comments
 between them and the move before, so that they are driven one after the other whenever the second is driven. A call that hands
-its target to a routine of a single MoveL is such a move, too.
+its target to a routine of a single MoveL is such a move, too, and so is each turn of a loop over an array that may grow.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from compensator.rapid.expressions import Cursor
+from compensator.rapid.growing import size_of
 from compensator.rapid.lexer import TRIVIA, tokens
 from compensator.rapid.literals import Pose, fresh
 from compensator.rapid.moves import OF_ONE_MOVE, parse_tail
 from compensator.rapid.program import RapidProgram
+from compensator.rapid.scan import Round
 from compensator.rapid.writer import Edit, apply
 from compensator.toolpath import Move
 
@@ -63,11 +68,7 @@ def _last(program: RapidProgram, first: int) -> int:
 
 
 def _span(program: RapidProgram, first: int) -> tuple[int, int] | None:
-    """Where the move begins whose first target is `first`, and behind its semicolon; None where it cannot be repeated. One that
-    a call leads to is the call, whose stop would be that of each further one."""
-    if first in program.scan.handed:
-        stops = program.scan.tails[program.scan.tail[first]].stops or not program.toolpath.zone[first] > 0
-        return None if stops else program.scan.alone.get(first)
+    """Where the move begins whose first target is `first`, and behind its semicolon; None where it cannot be repeated."""
     data, begin = program.source.data, program.scan.start[first]
     low = max(begin - _LONGEST_HEAD, 0)
     head, tail = _HEAD.search(data[low:begin]), _TAIL.match(data, program.scan.end[_last(program, first)])
@@ -87,14 +88,47 @@ def marked(program: RapidProgram, targets: Sequence[int], signal: str, values: S
 
 
 def follows_directly(program: RapidProgram, first: int) -> bool:
-    """Whether nothing but blanks and comments stands between the move to target `first` and the move before it."""
+    """Whether further targets can stand between the target before `first` and the move to it: that can be repeated, and nothing
+    but blanks and comments stands between the two."""
     if first == 0:
         return False
-    data, scan = program.source.data, program.scan
-    if first - 1 in scan.handed and first - 1 not in scan.alone:
-        return False
-    before, here = _TAIL.match(data, scan.end[first - 1]), _span(program, first)
-    return before is not None and here is not None and _BETWEEN.fullmatch(data, before.end(), here[0]) is not None
+    here, before = _again(program, first), _behind(program, first - 1)
+    if here is None or before is None:
+        return here is not None and _round(program, first) is _round(program, first - 1) is not None
+    return _BETWEEN.fullmatch(program.source.data, before, here[0]) is not None
+
+
+def _again(program: RapidProgram, first: int) -> tuple[int, int] | None:
+    """The span of the statement in which the move to `first` can be repeated: itself, the call that leads to it, or the loop
+    whose array grows; None where it cannot. The last two would stop at each further target where it stops."""
+    scan, one = program.scan, _round(program, first)
+    if one is None and first not in scan.handed:
+        return _span(program, first)
+    if scan.tails[scan.tail[first]].stops or not program.toolpath.zone[first] > 0:
+        return None
+    if one is None:
+        return scan.alone.get(first)
+    declared, others = scan.names.declarations[one.array], program.toolpath.others
+    seen = declared.reach != "local" and declared.scope.routine < 0         # by modules of other files
+    return None if seen and (not others.started or others.called or program.toolpath.uncounted) else (one.start, one.end)
+
+
+def _behind(program: RapidProgram, target: int) -> int | None:
+    """Where the statement ends with which a target is driven, and nothing else; None where it is not seen."""
+    scan, one = program.scan, _round(program, target)
+    if one is not None:
+        return one.end if target == one.stop - 1 else None
+    if target in scan.handed:
+        return scan.alone[target][1] if target in scan.alone else None
+    tail = None if target in scan.looped else _TAIL.match(program.source.data, scan.end[target])
+    return None if tail is None else tail.end()
+
+
+def _round(program: RapidProgram, target: int) -> Round | None:
+    """The loop over an array that may grow which drives to a target."""
+    rounds = program.scan.rounds
+    at = bisect_right(rounds, target, key=lambda one: one.first) - 1
+    return rounds[at] if at >= 0 and target < rounds[at].stop else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,10 +148,13 @@ def with_more_moves(program: RapidProgram, more: Sequence[MoreMoves]) -> bytes:
         if move.first in program.scan.alone:
             edits.append(_calls(program, move))
             continue
+        if _round(program, move.first) is not None:
+            edits.append(_elements(program, move))
+            continue
         text = move_text(program, move.first)
         assert text is not None
         edits += _arc(program, move, text) if move.halves[0] else _line(program, move, text)
-    return apply(program.source.data, edits)
+    return apply(program.source.data, edits + _grown(program, {move.first: len(move.linear) for move in more}))
 
 
 def _calls(program: RapidProgram, move: MoreMoves) -> Edit:
@@ -126,6 +163,38 @@ def _calls(program: RapidProgram, move: MoreMoves) -> Edit:
     head, tail = data[start:scan.start[move.first]], data[scan.end[move.first]:end]
     row, gap = program.rows.numbers[program.rows.row[move.first]], _gap(data, start)
     return start, start, b"".join(head + fresh(row, pose) + tail + gap for pose in move.linear)
+
+
+def _elements(program: RapidProgram, move: MoreMoves) -> Edit:
+    """Further elements before that of a target."""
+    place = program.rows.row[move.first]
+    row, start = program.rows.numbers[place], int(program.rows.start[place])
+    gap = _gap(program.source.data, start)
+    behind = b"," if gap == b" " else b"," + gap
+    return start, start, b"".join(fresh(row, pose) + behind for pose in move.linear)
+
+
+def _grown(program: RapidProgram, more: Mapping[int, int]) -> list[Edit]:
+    """The sizes of arrays, and the bounds of their loops, with so many elements more before those of some targets."""
+    data, edits = program.source.data, list[Edit]()
+    for array in dict.fromkeys(one.array for one in program.scan.rounds):
+        rounds = [one for one in program.scan.rounds if one.array == array]
+        size = size_of(program.scan, array)
+        assert size is not None
+        count = int(data[slice(*size)])
+        added = np.zeros(count + 1, dtype=np.intp)              # up to and with each element
+        for one in rounds:
+            elements = one.elements(data, count)
+            added[elements.start:elements.stop] = [more.get(target, 0) for target in range(one.first, one.stop)]
+        added = np.cumsum(added)
+        if not added[-1]:
+            continue
+        edits.append((*size, b"%d" % (count + added[-1])))
+        for one in rounds:
+            elements = one.elements(data, count)
+            now = (elements.start + added[elements.start - 1], elements[-1] + added[elements[-1]])
+            edits += [(*span, b"%d" % number) for span, number in zip(one.bounds, now, strict=False)]
+    return edits
 
 
 def _line(program: RapidProgram, move: MoreMoves, text: MoveText) -> list[Edit]:

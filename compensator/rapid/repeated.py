@@ -5,7 +5,7 @@ from __future__ import annotations
 from array import array
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import Any
 
@@ -79,6 +79,7 @@ def repeat(scan: Scan, times: Sequence[Time]) -> Places:
     starts = [time.start for time in times]
     scan.units = [(places(first, bisect_left(starts, start)), name, on, start) for first, name, on, start in scan.units]
     now = dict(zip(places.stay.tolist(), stayed.tolist(), strict=True)) if scan.expressions or scan.looped else {}
+    scan.rounds = [replace(one, first=now[one.first], stop=now[one.stop - 1] + 1) for one in scan.rounds]
     scan.looped = {now[target] for target in scan.looped if target in now}
     scan.expressions = {now[target]: expr for target, expr in scan.expressions.items() if target in now}
     for number, time in enumerate(times):

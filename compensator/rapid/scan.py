@@ -19,6 +19,25 @@ from compensator.rapid.uses import Uses
 from compensator.toolpath import Move
 
 
+@dataclass(frozen=True, slots=True)
+class Round:
+    """A loop of one MoveL to an element of an array each turn: its targets first ... stop - 1, the number of the array's
+    declaration, the span of the loop, and those of the numbers from and to which it counts by one; the second is missing where
+    that is the size of the array."""
+
+    first: int
+    stop: int
+    array: int
+    start: int
+    end: int
+    bounds: tuple[tuple[int, int], ...]
+
+    def elements(self, data: bytes, size: int) -> range:
+        """The elements, from 1, of an array of such a size."""
+        low, high = *(int(data[start:end]) for start, end in self.bounds), *(2 - len(self.bounds)) * [size]
+        return range(low, high + 1)
+
+
 @dataclass(slots=True)
 class Scan:
     """What one pass found. Columns hold one entry a target, in the order of the text.
@@ -29,7 +48,8 @@ class Scan:
     soft, or the external axes displaced. units: (first target, name of a mechanical unit, whether it is on, offset) of each
     switch. looped: targets to which a move in a loop drives, one each turn (unrolled.py). handed: targets that calls hand over,
     one each call, and why they cannot be corrected, "" where they can; referred: those that are handed over by reference;
-    alone: those whose call is one move and nothing else, and the span of that call (handed_targets.py).
+    alone: those whose call is one move and nothing else, and the span of that call (handed_targets.py). rounds: the loops, in
+    the order of the text, whose array may grow (growing.py).
     """
 
     source: Source
@@ -52,6 +72,7 @@ class Scan:
     handed: dict[int, str] = field(default_factory=dict)
     referred: set[int] = field(default_factory=set)
     alone: dict[int, tuple[int, int]] = field(default_factory=dict)
+    rounds: list[Round] = field(default_factory=list)
     softened: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     offsets: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     units: list[tuple[int, str, bool, int]] = field(default_factory=list)

@@ -13,14 +13,15 @@ from compensator.rapid.arithmetic import arithmetic
 from compensator.rapid.blocks import Loop, words_of
 from compensator.rapid.conditions import split
 from compensator.rapid.expressions import Expr
+from compensator.rapid.growing import growing, round_of
 from compensator.rapid.lexer import Token, tokens
 from compensator.rapid.repeated import Time, repeat
-from compensator.rapid.scan import Scan
+from compensator.rapid.scan import Round, Scan
 from compensator.rapid.scopes import Scope
 from compensator.rapid.values import Unsettled, Values
 
-# A loop of more targets stays one move.
-MOST = 100_000
+# A loop of more targets stays one move; of an array that grows it is still fewer (growing.py).
+MOST = 400_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,7 @@ class _Turned:
 
     loop: Loop
     turns: list[Time]
+    round: Round | None
 
 
 def unroll(scan: Scan, values: Values) -> None:
@@ -40,6 +42,14 @@ def unroll(scan: Scan, values: Values) -> None:
     loops.sort(key=lambda turned: turned.loop.body.first)
     times = [turn for turned in loops for turn in turned.turns]
     place = repeat(scan, times)
+    number = 0
+    rounds = []
+    for turned in loops:
+        if turned.round is not None:
+            first = place.of_time(number).start
+            rounds.append(replace(turned.round, first=first, stop=first + len(turned.turns)))
+        number += len(turned.turns)
+    scan.rounds = growing(scan, values, rounds)
     scan.looped.update(target for number in range(len(times)) for target in place.of_time(number))
     gone = {step for turned in loops for step in (turned.loop.head, turned.loop.end)}
     for routine in scan.bodies:
@@ -64,7 +74,7 @@ def _turned(scan: Scan, values: Values, loop: Loop, scope: Scope) -> _Turned | N
         if None in at_turn:
             return None
         found.append(Time(first, stop, [expr for expr in at_turn if expr is not None], first, loop.head.start))
-    return _Turned(loop, found)
+    return _Turned(loop, found, round_of(scan, values, loop, scope))
 
 
 def turns_of(scan: Scan, values: Values, loop: Loop, scope: Scope) -> tuple[str, list[float]] | None:

@@ -7,7 +7,18 @@ import re
 import numpy as np
 import pytest
 
-from compensator.rapid import RapidProgram, follows_directly, marks_of, move_text, read_rapid, rewrite, with_marks
+from compensator.rapid import (
+    MoreMoves,
+    Pose,
+    RapidProgram,
+    follows_directly,
+    marks_of,
+    move_text,
+    read_rapid,
+    rewrite,
+    with_marks,
+    with_more_moves,
+)
 from tests.compensator.rapid.small_programs import target
 
 ARRAY = "CONST robtarget aP{4}:=[" + ",\n  ".join(target(10 + k) for k in range(4)) + "];\n"
@@ -94,13 +105,74 @@ def test_elements_that_something_else_uses_stay_as_they_are(beside: str) -> None
     assert len(read.runs.times) == len(read.toolpath)
 
 
-def test_nothing_is_added_to_a_move_in_a_loop() -> None:
+def test_the_move_in_a_loop_itself_stays() -> None:
     read = program(f"{move(target(1))}\n{loop('i FROM 1 TO 4', 'aP{i}')}\n{move(target(2))}")
     assert [move_text(read, k) is None for k in range(6)] == [False, True, True, True, True, False]
-    assert not any(follows_directly(read, k) for k in range(1, 6))
     marks = marks_of(read_rapid(with_marks(read, "doMark")[0], "loop.mod"))
     assert marks is not None
     assert marks.target.tolist() == [0, 5]
+
+
+def further(read: RapidProgram, more: dict[int, int]) -> RapidProgram:
+    """The program with so many linear targets more before some of its own, each at x = 1 + its number [mm], read again."""
+    moves = [MoreMoves(at, linear=[Pose([1.0 + k, at, 0, *read.toolpath.quaternion[at].tolist()], [0, 0, 0, 0])
+                                   for k in range(count)]) for at, count in more.items()]
+    again = read_rapid(with_more_moves(read, moves), "loop.mod")
+    kept = np.cumsum([1 + more.get(at, 0) for at in range(len(read.toolpath))]) - 1
+    np.testing.assert_allclose(again.toolpath.position[kept], read.toolpath.position, atol=1e-12)
+    expected = [[1.0 + k, at, 0] for at, count in sorted(more.items()) for k in range(count)]
+    np.testing.assert_allclose(1e3 * np.delete(again.toolpath.position, kept, axis=0), expected, atol=1e-9)
+    assert again.runs.order is None
+    assert not again.toolpath.block.any()
+    return again
+
+
+@pytest.mark.parametrize(("head", "after"), [
+    ("FOR i FROM 1 TO 4 DO", "FOR i FROM 1 TO 9 DO"), ("FOR i FROM 1 TO Dim(aP,1) DO", "FOR i FROM 1 TO Dim(aP,1) DO"),
+    ("FOR K FROM 2 TO 3 DO", "FOR K FROM 2 TO 7 DO")])
+def test_an_array_grows_with_what_is_added_to_its_loop(head: str, after: str) -> None:
+    name, whole = head.split()[1], "FROM 1" in head
+    read = program(f"{move(target(1))}\n{head}\n! aP goes on\n{move(f'ap{{{name}}}')}\nENDFOR\n{move(target(2))}")
+    count = len(read.toolpath)
+    assert [follows_directly(read, k) for k in range(count)] == [False, *(count - 1) * [True]]
+    again = further(read, {1: 2, 2: 2} | ({3: 1} if whole else {}) | {count - 1: 1})
+    text = again.source.data.decode()
+    assert f"\n{after}\n! aP goes on\n" in text
+    assert f"CONST robtarget aP{{{9 if whole else 8}}}:=[[" in text
+    assert text.count("\n  [[") == 3 + (3 if whole else 4)          # one a line, as that before which they stand
+
+
+def test_loops_over_parts_of_an_array_are_counted_on() -> None:
+    body = "\n".join([move(target(1)), loop("i FROM 1 TO 2", "aP{i}"), move(target(2)), loop("i FROM 3 TO 4", "aP{i}")])
+    text = further(program(body), {2: 1, 4: 2, 5: 1}).source.data.decode()
+    assert "FOR i FROM 1 TO 3 DO" in text
+    assert "FOR i FROM 4 TO 8 DO" in text
+    assert "aP{8}:=" in text
+
+
+@pytest.mark.parametrize(("body", "data"), [
+    (loop("i FROM 1 TO nLast", "aP{i}"), ARRAY), (loop("i FROM 1 TO 3 STEP 2", "aP{i}"), ARRAY),
+    (loop("i FROM 4 TO 1", "aP{i}"), ARRAY), (loop("i FROM 1 TO 2", "aP{i+1}"), ARRAY),
+    (f"{loop('i FROM 1 TO 3', 'aP{i}')}\n{move('aP{4}')}", ARRAY),
+    (f"{loop('i FROM 1 TO 3', 'aP{i}')}\n{loop('i FROM 3 TO 4', 'aP{i}')}", ARRAY),
+    (f"{loop('i FROM 1 TO 4', 'aP{i}')}\nTPWrite \"n\"\\Num:=Dim(aP,1);", ARRAY),
+    (f"FOR i FROM 1 TO 4 DO\n{move('aP{i}').replace('v100', 'aV{i}')}\nENDFOR",
+     f"CONST speeddata aV{{4}}:=[v50,v50,v50,v60];\n{ARRAY}"),
+    (f"FOR i FROM 1 TO 4 DO\n{move('aP{i}').replace('z1', 'fine')}\nENDFOR", ARRAY),
+    (f"FOR i FROM 1 TO 4 DO\n{move('aP{i}').replace('v100', chr(92).join(['v100', 'T:=2']))}\nENDFOR", ARRAY),
+    (f"FOR i FROM 1 TO 4 DO\n{move('aP{i}')}\nWaitTime 0.1;\nENDFOR", ARRAY),
+    (f"FOR i FROM 1 TO 4 DO\n{move('aP{i}', 'MoveJ')}\nENDFOR", ARRAY),
+    (f"{loop('i FROM 1 TO 4', 'aP{i}')}\nrElsewhere;", ARRAY),      # which sees the array
+])
+def test_other_arrays_do_not_grow(body: str, data: str) -> None:
+    read = program(body, data)
+    assert len(read.toolpath) >= 2
+    assert not any(follows_directly(read, k) for k in range(len(read.toolpath)) if k in read.scan.looped)
+
+
+def test_an_array_that_no_other_file_sees_grows_beside_their_routines() -> None:
+    read = program(f"{loop('i FROM 1 TO 4', 'aP{i}')}\nrElsewhere;", f"LOCAL {ARRAY}")
+    assert [follows_directly(read, k) for k in range(4)] == [False, True, True, True]
 
 
 def test_arcs_and_what_stands_behind_keep_their_places() -> None:

@@ -3,13 +3,14 @@ them is placed by a path length that nobody knows."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.runs.command_line import user_files as kit
-from tests.runs.command_line.test_placement import IRB6660, TOOL, K, Path3
+from tests.runs.command_line.test_placement import IRB6660, ORIGIN, TOOL, K, Path3
 from tests.runs.command_line.user_files import Job
 
 # A cut, a way to and fro that one move drives, and another cut.
@@ -111,6 +112,36 @@ def test_elements_that_a_loop_hands_over_are_corrected_in_the_array(tmp_path: Pa
     written = (tmp_path / "out.mod").read_text()
     assert "rCut aCut{i};" in written
     assert written.count("robtarget") == text.count("robtarget")
+
+
+def test_an_array_in_a_loop_gets_the_targets_that_a_step_of_force_asks_for(tmp_path: Path) -> None:
+    """Along a straight pass of three moves the force turns round halfway between two targets."""
+    path = Path3(np.array([[40.0 * k, 0, 0] for k in range(4)]))
+    head = kit.module([]).split("PROC")[0].rstrip()
+    array = "CONST robtarget aCut{4}:=[" + ",\n  ".join(path.text) + "];"
+    loop = f"FOR i FROM 1 TO 4 DO\n{kit.move('aCut{i}')}\nENDFOR"
+    text = f"{head}\n{array}\nPROC main()\n{loop}\nENDPROC\nENDMODULE\n"
+    rows = "".join(f"{at:.1f},{','.join(map(str, FORCE if at < 60 else OTHER))}\n" for at in np.arange(0, 120.1, 0.2))
+    result = Job(tmp_path, program=text, forces=f"path_mm,fx_n,fy_n,fz_n\n{rows}").correct("--json")
+    assert result.code == 0, result
+
+    written = (tmp_path / "out.mod").read_text()
+    size = int(written.split("aCut{")[1].split("}")[0])
+    assert size > 4
+    assert written.split("PROC main()")[1] == text.split("PROC main()")[1].replace("TO 4 DO", f"TO {size} DO")
+    assert len(written.splitlines()) == len(text.splitlines()) + size - 4      # an element a line, as before
+    texts = re.findall(r"\[\[?\[([^][]*)\],\[[^][]*\],\[[^][]*\],\[9E", written)
+    place = np.array([row.split(",") for row in texts], dtype=float)
+    assert len(place) == size
+    along, across = np.split((place - path.at([0, 0, 0])) @ ORIGIN.r.as_matrix(), [1], axis=1)
+    assert (np.diff(along[:, 0]) > 0).all()
+    near = np.abs(along[:, 0] - 60) < 2.5
+    assert np.count_nonzero(np.abs(along[:, 0] - 60) < 5) >= 2
+    for at, off in zip(along[~near, 0], across[~near], strict=True):
+        force, joints = (FORCE, path.q[0]) if at < 60 else (OTHER, path.q[3])
+        meant = kit.deviation(IRB6660, joints, TOOL.p, np.r_[force, 0, 0, 0], K)
+        meant = (kit.work_object().r * ORIGIN.r).inv().apply(1e3 * meant)[1:]
+        np.testing.assert_allclose(off, -meant, atol=0.1 * np.abs(meant).max())
 
 
 def test_a_log_that_does_not_count_its_way_is_used(tmp_path: Path) -> None:
