@@ -15,7 +15,6 @@ from identification.diagnosis.odds import NAMING
 from identification.diagnosis.procedure import ALARM
 from identification.diagnosis.record import cause_content, checks_of, decades_of, next_measurements
 from identification.diagnosis.slight import brought_along
-from identification.diagnosis.swing import EFFECT, Swing
 from identification.fit.mending import BadVisit
 from identification.fit.misfit import needed
 from identification.fit.mistakes.judge import common_factor_findings, mistake_finding
@@ -104,7 +103,7 @@ def _verdict(judgement: Judgement) -> list[str]:
                 *map(_bad_row_line, judgement.bad_rows)]
     if judgement.verdict == "named":
         return [*(_cause_line(judgement, cause) for cause in judgement.causes), *left_out,
-                *([_swing_line(judgement.swing)] if judgement.swing else [])]
+                *(f"named: {scatter.line}" for scatter in judgement.scatters)]
     if judgement.verdict == "mistake":
         return [line for mistake in judgement.mistakes for line in mistake.lines()]
     if judgement.verdict == "unknown":
@@ -192,10 +191,6 @@ def _bad_visit_line(bad: BadVisit, said: str) -> str:
     return f"{said}: {sentence(bad)}; they were left out. {mending(bad)}"
 
 
-def _swing_line(swing: Swing) -> str:
-    return f"named: {swing.sentence} (up to {1e6 * swing.largest:.0f} um, 1 sigma; it is scatter, and nothing is carried on)"
-
-
 def value(item: dict[str, Any]) -> str:
     """A parameter with its uncertainty, two sigma, and unit."""
     estimate, std = item["estimate"], item["std"]
@@ -232,9 +227,9 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
                                 hint=(f"{told_of([bad.mend])}; else " if bad.mend else "") + "measure it again: what comes "
                                      "back is no slip, but a cause that shows there alone, such as a gear that crosses its "
                                      "play under that load"))
-    if judgement.swing is not None:
-        findings.append(Finding("CS1511", "warning", f"{judgement.swing.sentence}; the rows were given that much more sigma",
-                                file=source, hint=EFFECT.settles))
+    for scatter in judgement.scatters:
+        findings.append(Finding(scatter.code, "warning", f"{scatter.sentence}; {scatter.rows} count for that much less",
+                                file=source, hint=scatter.effect.settles))
     if judgement.thinning is not None:
         thin = judgement.thinning
         length = thin.autocorrelation_time

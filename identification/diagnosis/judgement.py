@@ -16,6 +16,7 @@ from identification.diagnosis.gross import BadRow
 from identification.diagnosis.power import Showing
 from identification.diagnosis.share import Share
 from identification.diagnosis.swing import Swing
+from identification.diagnosis.unsettled import Unsettled
 from identification.fit.mending import BadVisit
 from identification.fit.mistakes.judge import NamedMistake
 from identification.fit.noise import residual_std
@@ -72,12 +73,12 @@ class Judgement:
     did not converge, which are no candidates. bad_rows: not among `rows`. thinning: how the rows of machined passes were
     averaged. share: how many of the rows were looked at, None: all. carried: the extended model with the laws of its
     effects free within what real ones differ by, or of an ambiguous answer the likeliest candidate so, None where there is
-    neither: it is the one to use; rivals: the other candidates. swing: of weights that
-    hang, found in what the model leaves and allowed for in the rows' sigmas. visits: whether single visits fit the others;
-    bad_visits: those that do not, not among `rows`; suspects: those that a sensor named for their pose explains as well.
-    validation: the outliers among the validate rows. mistakes: those of the table or the cell file: the one where the
-    verdict is one, else rivals of the alternatives. showing: where six springs, or they and what is named, are
-    enough, from which size on each other cause would have been noticed."""
+    neither: it is the one to use; rivals: the other candidates. scatters: of weights that hang, or of zero readings, found in
+    what the model leaves and allowed for in the rows' noise. tried: where nothing is named, the likeliest causes, fitted.
+    visits: whether single visits fit the others; bad_visits: those that do not, not among `rows`; suspects: those that a
+    sensor named for their pose explains as well. validation: the outliers among the validate rows. mistakes: those of the
+    table or the cell file: the one where the verdict is one, else rivals of the alternatives. showing: where six springs, or
+    they and what is named, are enough, from which size on each other cause would have been noticed."""
 
     verdict: Verdict
     plain: Posterior
@@ -102,7 +103,8 @@ class Judgement:
     share: Share | None = None
     carried: Posterior | None = None
     rivals: tuple[Rival, ...] = ()
-    swing: Swing | None = None
+    scatters: tuple[Swing | Unsettled, ...] = ()
+    tried: Posterior | None = None
     visits: VisitTest | None = None
     bad_visits: tuple[BadVisit, ...] = ()
     suspects: tuple[BadVisit, ...] = ()
@@ -112,7 +114,7 @@ class Judgement:
 
     def __post_init__(self) -> None:
         """Refuses (ValueError) a verdict whose names contradict it: no such answer may leave the program."""
-        left_out = bool(self.bad_rows or self.bad_visits or self.swing)
+        left_out = bool(self.bad_rows or self.bad_visits or self.scatters)
         few = len({cause.label for cause in self.alternatives}) + len(self.mistakes) < 2
         contradicts = {
             "adequate": bool(self.causes or self.alternatives or self.withdrawn or self.gain or self.mistakes) or left_out,

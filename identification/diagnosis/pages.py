@@ -88,9 +88,10 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
                        f"{sizes[0].upper()}{sizes[1:]}.")
     gain = judgement.gain
     causes = [cause.sentence for cause in judgement.causes]
-    if not causes and judgement.swing:
-        return Verdict("caution", "WEIGHTS SWUNG", f"{judgement.swing.sentence}; the readings count for that much less. "
-                       f"{sizes[0].upper()}{sizes[1:]}.")
+    if not causes and judgement.scatters:
+        scatter = judgement.scatters[0]
+        return Verdict("caution", scatter.short, f"{scatter.sentence[0].upper()}{scatter.sentence[1:]}; {scatter.rows} count "
+                       f"for that much less. {sizes[0].upper()}{sizes[1:]}.")
     if not causes:
         return Verdict("caution", "READINGS LEFT OUT", f"Left out, for they do not fit the others: {judgement.dropped[0]}. "
                        f"Of the rest {sizes}.")

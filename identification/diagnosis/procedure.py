@@ -42,7 +42,8 @@ from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.share import share_of
 from identification.diagnosis.slight import no_names, of_nothing, without_slight
 from identification.diagnosis.slips_rather import suspected, wrong_angles_rather
-from identification.diagnosis.swing import allowed_for, swing_of
+from identification.diagnosis.swing import swing_of
+from identification.diagnosis.unsettled import unsettled_zero_of
 from identification.fit.bad_visits import bad_visits
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import with_mends
@@ -98,7 +99,7 @@ def judge(
     looked_at, share = share_of(averaged)
     catalogue = effects() if catalogue is None else catalogue
     procedure = Procedure(LoadTest.of(cell, looked_at), catalogue, alarm, replicates, seed)
-    found = replace(procedure.allowing_for_swing(procedure.of_good_rows()), thinning=thinning, share=share)
+    found = replace(procedure.allowing_for_scatter(procedure.of_good_rows()), thinning=thinning, share=share)
     enough = found.adequacy if found.causes else found.detection
     if found.verdict not in ("adequate", "named") or enough is None or enough.p_value <= alarm:
         return found
@@ -127,15 +128,22 @@ class Procedure:
         """The search for causes that explain the rows."""
         return Explaining(self.catalogue, self.alarm, self.replicates, self.rng)
 
-    def allowing_for_swing(self, judgement: Judgement) -> Judgement:
-        """The judgement; where weights swung, of the rows with that in their sigmas, if that explains them."""
-        swing = None if judgement.verdict == "mistake" else swing_of(judgement.extended)
-        if swing is None:
-            return judgement
-        again = replace(self, data=allowed_for(self.data, swing, judgement.plain)).of_good_rows()
-        if again.verdict in ("unknown", "mistake"):
-            return judgement
-        return replace(again, swing=swing, verdict="named" if again.verdict == "adequate" else again.verdict)
+    def allowing_for_scatter(self, judgement: Judgement) -> Judgement:
+        """The judgement; where weights swung, or zero readings lie aside of rows that springs do not explain, of the rows with
+        that in their noise, if that explains them."""
+        data = self.data
+        for scatter_of, no_use in ((swing_of, ("mistake",)), (unsettled_zero_of, ("mistake", "adequate"))):
+            left = judgement.tried or judgement.extended
+            scatter = None if judgement.verdict in no_use else scatter_of(left)
+            if scatter is None:
+                continue
+            allowed = scatter.allowed_for(data, judgement.plain)
+            again = replace(self, data=allowed).of_good_rows()
+            if again.verdict not in ("unknown", "mistake"):
+                data = allowed
+                judgement = replace(again, scatters=(*judgement.scatters, scatter),
+                                    verdict="named" if again.verdict == "adequate" else again.verdict)
+        return judgement
 
     def of_good_rows(self) -> Judgement:
         """The judgement; where whole visits or single rows are bad, of the others."""
@@ -305,7 +313,7 @@ class Procedure:
         """No name: the nearest ones, what is seen of the cause in what is left, and what spoke against names that were all but
         given."""
         return replace(judgement, verdict="unknown", extended=judgement.plain, alternatives=inclusion(seen)[:NEAREST],
-                       patterns=left.seen_patterns, withdrawn=withdrawn or {}, law_differs=False)
+                       patterns=left.seen_patterns, withdrawn=withdrawn or {}, law_differs=False, tried=judgement.extended)
 
     def ambiguous(self, judgement: Judgement, seen: Survey, best: Hypothesis) -> Judgement:
         """The set of names with the loads that would settle it, and what the choice means for a correction."""

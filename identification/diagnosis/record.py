@@ -26,7 +26,7 @@ def record(judgement: Judgement) -> dict[str, Any]:
                    "p_value": judgement.detection.p_value, "p_resolution": judgement.detection.resolution},
         "causes": [*(cause_content(judgement, cause) for cause in judgement.causes), *map(_bad_visit, judgement.bad_visits),
                    *(bad.as_dict() for bad in judgement.bad_rows),
-                   *([judgement.swing.as_dict()] if judgement.swing and judgement.verdict == "named" else [])],
+                   *(scatter.as_dict() for scatter in judgement.scatters if judgement.verdict == "named")],
         "companions": [cause_content(judgement, cause) for cause in judgement.companions],
         "alternatives": [_named(cause) for cause in judgement.alternatives],
         "mistakes": [mistake.as_dict() for mistake in judgement.mistakes],

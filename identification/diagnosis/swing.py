@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,10 @@ from numpy.typing import NDArray
 from identification.common.arrays import Array
 from identification.common.tails import chi2_tail
 from identification.fit.load_test import LoadTest
+from identification.fit.noise import sensor_sigma
 from identification.fit.posterior import Posterior
 from identification.model.compliance import compliance_matrix
+from identification.model.effects import Effect
 from identification.model.effects.kinds import hanging, nothing_hangs
 from identification.model.effects.swinging_weight import SwingingWeight
 
@@ -53,10 +55,20 @@ class Swing:
     p_value: float
     largest: float
 
+    effect: ClassVar[Effect] = EFFECT
+    code: ClassVar[str] = "CS1511"
+    rows: ClassVar[str] = "the rows"
+    short: ClassVar[str] = "WEIGHTS SWUNG"
+
     @property
     def sentence(self) -> str:
         """In plain words."""
         return f"{EFFECT.sentence}: readings scatter as side forces of {100 * self.angle:.2g} % of the load make them"
+
+    @property
+    def line(self) -> str:
+        """As an answer."""
+        return f"{self.sentence} (up to {1e6 * self.largest:.0f} um, 1 sigma; it is scatter, and nothing is carried on)"
 
     def as_dict(self) -> dict[str, Any]:
         """A cause of diagnosis.json."""
@@ -65,6 +77,12 @@ class Swing:
                 "of_robot": False, "sentence": self.sentence, "parameters": {parameter.name: {
                     "estimate": self.angle, "std": self.angle * self.log_std, "unit": parameter.unit}},
                 "largest_um": 1e6 * self.largest}
+
+    def allowed_for(self, data: LoadTest, fitted: Posterior) -> LoadTest:
+        """The same rows with the swing in their own sigmas."""
+        across = _across(data, fitted.compliance, fitted.load_state.fall)
+        squared = sensor_sigma(data) ** 2 + self.angle**2 * np.diagonal(across, axis1=1, axis2=2)
+        return data.with_rows(replace(data.rows, sigma=np.sqrt(squared)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,15 +177,6 @@ def swing_of(fitted: Posterior) -> Swing | None:
     return Swing(angle, float(1 / np.sqrt(max(curvature, 1.0))), sizes.by_chance, float(largest.max()))
 
 
-def allowed_for(data: LoadTest, swing: Swing, fitted: Posterior) -> LoadTest:
-    """The same rows with the swing in their own sigmas."""
-    rows, sensor = data.rows, data.cell.noise.deflection
-    across = _across(data, fitted.compliance, fitted.load_state.fall)
-    own = np.where(np.isnan(rows.sigma), sensor, rows.sigma)
-    widened = np.sqrt(own**2 + swing.angle**2 * np.diagonal(across, axis1=1, axis2=2))
-    return data.with_rows(replace(rows, sigma=widened))
-
-
 def _across(data: LoadTest, compliance: Array, fall: Array) -> Array:
     """Covariance (n, 3, 3) [m^2] that a direction uncertain by 1 rad across gravity makes in each row."""
     force = data.rows.wrench[:, :3]
@@ -187,7 +196,7 @@ def _groups(fitted: Posterior) -> tuple[_Visits, ...]:
     data, state = fitted.data, fitted.load_state
     residual = fitted.residual
     usable = ~np.isnan(residual).any(axis=1) & (hanging(state) | ~np.any(state.wrench != 0, axis=1))
-    sigma = np.where(np.isnan(data.rows.sigma), data.cell.noise.deflection, data.rows.sigma)
+    sigma = sensor_sigma(data)
     carried = _carried(data, fitted.compliance)
     down = state.fall / np.linalg.norm(state.fall)
     load = state.wrench[:, :3] @ down

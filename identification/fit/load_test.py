@@ -25,12 +25,13 @@ MOST_KEPT = 20_000
 
 @dataclass(frozen=True, eq=False)
 class LoadTest:
-    """All that a model is fitted to or predicts: the cell, its rows (n), measured or planned, and the prior. last: the state
-    that was worked out last, if any."""
+    """All that a model is fitted to or predicts: the cell, its rows (n), measured or planned, and the prior. rest [m]: 1 sigma
+    by which the zero readings of each visit lie aside of its loaded ones. last: the state that was worked out last, if any."""
 
     cell: Cell
     rows: Measurements
     prior: PriorModel
+    rest: float = 0.0
     last: list[LoadState] = field(default_factory=list, init=False, repr=False)
 
     @classmethod

@@ -298,11 +298,12 @@ def noise_model(data: LoadTest, compliance: Array) -> NoiseModel:
     _, visit = np.unique(rows.visit, return_inverse=True)
     offset = noise.pose_offset if noise.offset_stated else np.full(3, USUAL_OFFSET_M)
     sensor_stated = noise.deflection_stated or not np.isnan(rows.sigma).all()
+    further = whitening * (data.rest * ~loaded)[:, :, None] if data.rest else None
     return NoiseModel(
         whitening, carried * (relative * load)[:, None, :], carried * (absolute * loaded)[:, None, :], setups, measured,
         visit.astype(np.intp), offset,
         (sensor_stated, noise.force_relative_stated, noise.force_stated, noise.offset_stated, False, False),
-        (True, relative > 0, bool(np.any(absolute > 0)), bool(offset.any()), False, False))
+        (True, relative > 0, bool(np.any(absolute > 0)), bool(offset.any()), False, False), further=further)
 
 
 def _check_parts(data: LoadTest, of_force: Array) -> None:
@@ -323,7 +324,7 @@ def sensor_sigma(data: LoadTest) -> Array:
 
 def residual_std(data: LoadTest, components: VarianceComponents, compliance: Array, further: Array | None = None) -> Array:
     """1 sigma of each component's residual (n, 3) [m] under noise of these components, all of its parts; further: as in
-    NoiseModel."""
+    NoiseModel, None: what the rows have by themselves."""
     noise, values = noise_model(data, compliance).with_parts(set_up=components.set_up), components.values**2
     own = values[SENSOR] + sum(values[part] * np.sum(root**2, axis=2) for part, root in (
         (FORCE, noise.force), (ABSOLUTE, noise.absolute)))
@@ -331,5 +332,6 @@ def residual_std(data: LoadTest, components: VarianceComponents, compliance: Arr
     heavier = 1.0 if np.isinf(components.degrees) else components.degrees / (components.degrees - 2.0)
     shared = sum(values[part] * np.sum(root**2, axis=2) for part, root in (
         (SETUP, noise.setup_loading), (OFFSET, noise.whitening * noise.offset)))
+    further = noise.further if further is None else further
     shared = shared + (0.0 if further is None else np.sum(further**2, axis=2))
     return np.asarray(sensor_sigma(data) * np.sqrt(heavier * own + shared))

@@ -257,7 +257,8 @@ class _FittedModel:
         state = self.data.load_state(np.exp(x[SPRINGS]))
         moved = [term.effect.of_each_visit(state, term.joint, values)[:, :3]
                  for term, values in zip(self.terms, split(x[EFFECTS], self.terms), strict=True) if term.effect.by_visit]
-        return replace(noise, further=noise.whitened(np.concatenate(moved, axis=2)))
+        known = [] if noise.further is None else [noise.further]
+        return replace(noise, further=np.concatenate([*known, *map(noise.whitened, moved)], axis=2))
 
     def beside(self, noise: NoiseModel, x: Array) -> Array:
         """`Posterior.beside` at x."""

@@ -1,4 +1,5 @@
-"""Effects that are there at some poses only, and mistakes in the table of poses: a diagnosis should name the poses.
+"""Effects that are there at some poses only, or at each in its own way, and mistakes in the table of poses: a diagnosis should
+name the poses.
 
 All sizes are made up for tests. `poses`: numbers of the poses from 1; drawn where they are not given.
 """
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.virtual_cell.effects_measurement import STEP
 from tests.virtual_cell.hidden import Draw, Parameters, effect
 from tests.virtual_cell.laws import Law, Row
 from tests.virtual_cell.plant import Plant
@@ -49,6 +51,17 @@ class Sticking(Law):
 def axis_sticks(plant: Plant, joint: int, parameters: Parameters) -> None:
     compliance = 1 / plant.stiffness[joint - 1]
     plant.laws.append(Sticking(plant.drive(joint), compliance, parameters["torque_nm"], parameters["poses"]))
+
+
+@effect("unsettled_zero", lambda draw: {"rest_m": draw.factor * 3e-6, "seed": int(draw.rng.integers(2**31))})
+def unsettled_zero(plant: Plant, joint: None, parameters: Parameters) -> None:
+    """The target hangs loosely: any load seats it, and without load it rests elsewhere, at each pose in its own way."""
+    def aside(seen: np.ndarray, row: Row, force: np.ndarray) -> np.ndarray:
+        if row.force.any():
+            return seen
+        return seen + np.random.default_rng([parameters["seed"], row.pose]).normal(0.0, parameters["rest_m"], 3)
+
+    plant.reading_faults.append((STEP, aside))
 
 
 def mistaken_pose(text: str, rng: np.random.Generator) -> tuple[str, str]:

@@ -16,7 +16,7 @@ import pytest
 from identification.diagnosis.detect import goodness_of_fit
 from identification.diagnosis.diagnose import Diagnosis, diagnose
 from identification.diagnosis.procedure import Procedure
-from identification.diagnosis.swing import _visit, _Visits, allowed_for, swing_of
+from identification.diagnosis.swing import _visit, _Visits, swing_of
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import Measurements, read_measurements
@@ -118,7 +118,7 @@ def test_a_swing_is_named_and_is_no_displacement() -> None:
 def test_nothing_is_named_where_nothing_is_hidden(seed: int) -> None:
     _, found = diagnosed(seed)
     assert found.verdict != "named"
-    assert found.judgement.swing is None
+    assert not found.judgement.scatters
 
 
 @pytest.fixture(scope="module")
@@ -131,16 +131,16 @@ def test_play_of_the_tool_shows_as_a_swing_that_leaves_much(play: Posterior) -> 
     """It repeats from row to row, and what the swing's sigmas leave is not explained."""
     swing = swing_of(play)
     assert swing is not None
-    left = posterior(allowed_for(play.data, swing, play))
+    left = posterior(swing.allowed_for(play.data, play))
     assert goodness_of_fit(left, effects(), np.random.default_rng(0), 99).p_value <= 0.02
 
 
 @pytest.mark.parametrize("then", ["unknown", "mistake"])
 def test_a_swing_that_leaves_much_is_none(play: Posterior, then: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The judgement without it stands."""
-    judged: Any = SimpleNamespace(verdict="unknown", plain=play, extended=play)
+    judged: Any = SimpleNamespace(verdict="unknown", plain=play, extended=play, tried=None)
     monkeypatch.setattr(Procedure, "of_good_rows", lambda procedure: SimpleNamespace(verdict=then))
-    assert Procedure(play.data, effects(), 0.05, 99, 0).allowing_for_swing(judged) is judged
+    assert Procedure(play.data, effects(), 0.05, 99, 0).allowing_for_scatter(judged) is judged
 
 
 # Long: the two above are its steps; here all causes are searched for twice.

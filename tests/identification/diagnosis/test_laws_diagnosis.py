@@ -261,7 +261,7 @@ def test_the_outlook_agrees_with_what_happens(tmp_path: Path) -> None:
     assert [one.identifiable > 100 * one.detectable for one in wrist] == [True, True]
     assert set(plan.left_out) == {
         "channel_delay", "joint_friction", "motor_inertia", "gear_damping", "hook_offset", "swinging_weight", "soft_track",
-        "load_friction"}
+        "load_friction", "unsettled_zero"}
     easy = [one for one in plan.effects
             if one.identifiable < 0.5 and one.entry.effect.name in ("base_rocking", "bearing_tilt", "backlash")]
     assert len(easy) >= 3
