@@ -137,7 +137,8 @@ class Judgement:
         """The judgement without its names, which are the nearest ones then; patterns: what is seen of the cause."""
         return replace(self, verdict="unknown", extended=self.plain, causes=(), companions=(), gain=None, next_loads=(),
                        alternatives=(*self.causes, *self.companions, *self.alternatives), robot_difference=None, withdrawn={},
-                       log_odds=None, law_differs=False, carried=None, rivals=(), mistakes=(), patterns=patterns)
+                       log_odds=None, law_differs=False, carried=None, rivals=(), mistakes=(), patterns=patterns,
+                       tried=self.extended)
 
     @property
     def dropped(self) -> tuple[str, int]:

@@ -134,6 +134,7 @@ class Open:
     log_odds: float | None = None
     rivals: tuple[Any, ...] = ()
     carried: Any = None
+    tried: Any = None
 
 
 @pytest.mark.parametrize(("p_value", "odds", "support", "local", "one_visit", "verdict"), [
