@@ -27,7 +27,7 @@ def diagnosed(cause: str, seed: int, folder: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(("cause", "seed", "effect"), [
-    ("cylinder_leaks", 6120, "load_leak"), ("second_disc_wrong", 6038, "hook_weight"),
+    ("cylinder_leaks", 6120, "load_leak"), pytest.param("second_disc_wrong", 6038, "hook_weight", marks=pytest.mark.long),
     pytest.param("arm_grows", 6115, "drift", marks=pytest.mark.long),
     pytest.param("cable_askew", 6119, "force_misalignment", marks=pytest.mark.long),
     pytest.param("changer_play", 6111, "tool_play", marks=pytest.mark.long),

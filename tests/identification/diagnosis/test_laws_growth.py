@@ -22,7 +22,7 @@ from tests.support import CELL, measurement_text, random_poses, write_cell
 NOISE = "measurement: {deflection_std_um: [2, 2, 2], force_relative_std: 0.005, pose_offset_std_um: [3, 3, 3]}\n"
 GEAR = 4
 HALF_GAP_RAD = 2e-4
-FEWEST, FEW, MANY = 30, 200, 600
+FEWEST, FEW, MANY = 30, 100, 300
 # What is held a further row [bytes]; it was 97 000 when this was last written, and 268 000 while all that a gear may do at each
 # pose, and each pattern of a pose, was a column of all rows.
 MOST_BYTES = 160_000

@@ -73,9 +73,10 @@ def test_a_weight_that_nobody_stated_may_hold_a_gear(links: bool, tmp_path: Path
     assert ("presses its teeth to one side" in diagnosis_report(found)) is not links
 
 
-# Long: another law of several parameters.
+# Long: another law of several parameters; that the noise grows by an encoder's zero,
+# test_noise_that_is_fitted_beside_a_cause_grows_by_it.
 @pytest.mark.parametrize("name", [
-    "base_rocking", pytest.param("force_misalignment", marks=pytest.mark.long), "encoder_zero[3]"])
+    "base_rocking", *(pytest.param(name, marks=pytest.mark.long) for name in ("force_misalignment", "encoder_zero[3]"))])
 def test_a_cause_of_that_size_is_noticed(name: str, tmp_path: Path) -> None:
     """In readings of the fitted model with noise drawn anew, fitted anew: the cause at the size that is said, at 0.4 and at
     twice of it. An encoder's zero looks much like re-seating, whose size grows by it."""

@@ -69,7 +69,9 @@ def evidence(residual: np.ndarray, design: np.ndarray, setups: np.ndarray | None
     return float(np.log(total))
 
 
-@pytest.mark.parametrize(("setup", "sized"), [(0.0, False), (2.0, False), (5.0, False), (5.0, True)])
+# Long: between its neighbours.
+@pytest.mark.parametrize(("setup", "sized"), [
+    (0.0, False), pytest.param(2.0, False, marks=pytest.mark.long), (5.0, False), (5.0, True)])
 def test_each_way_weighs_what_it_is_worth(setup: float, sized: bool) -> None:
     rng, model = np.random.default_rng(12), noise()
     design = rng.normal(size=(COUNT, 3, 2))

@@ -170,6 +170,8 @@ def test_the_draws_weigh_by_the_posterior_itself() -> None:
     assert (found - found[0])[inside] == pytest.approx((wanted - wanted[0])[inside], rel=1e-6, abs=1e-6)
 
 
+# Long: test_laws_calibration.py asks the same of more data sets, which are smaller.
+@pytest.mark.long
 def test_coverage_under_the_stated_noise(tmp_path) -> None:
     """30 data sets: the 95 % intervals of six stiffnesses hold the truth, the ellipsoid likewise; ranks over 120 are
     test_laws_calibration.py's."""

@@ -97,7 +97,8 @@ def test_a_stiffness_stands_beside_a_smooth_error_and_lines(tmp_path: Path) -> N
     assert beside.std < without.std
 
 
-@pytest.mark.parametrize("faults", [{"channel_delay": 1.0}, {"hysteresis": 1.0}])
+# Long: beside another law.
+@pytest.mark.parametrize("faults", [{"channel_delay": 1.0}, pytest.param({"hysteresis": 1.0}, marks=pytest.mark.long)])
 def test_a_zero_that_moves_changes_no_name(tmp_path: Path, faults: dict[str, float]) -> None:
     fitted, other, moved = (record(tmp_path, seed, faults, zero_deg=zero, noise=8e-6)
                             for seed, zero in ((360, 0.0), (361, 0.0), (361, 0.14)))
@@ -116,11 +117,11 @@ def test_a_zero_that_moves_changes_no_name(tmp_path: Path, faults: dict[str, flo
 
 
 def test_the_interval_of_a_zero_s_shift_holds(tmp_path: Path) -> None:
-    """95 % intervals of 16 pairs of records under noise that lasts."""
+    """95 % intervals of 10 pairs of records under noise that lasts."""
     hit = 0
-    for k in range(16):
+    for k in range(10):
         pair = [record(tmp_path, 400 + k, {}, noise=4e-5), record(tmp_path, 440 + k, {}, zero_deg=0.01, noise=4e-5)]
         axis = axis_of(2, pair)
         (shift,) = zero_shifts(2, Hypothesis((), (), (), solve(axis, axis.plain), 0.0), Transmission(2), pair)
         hit += abs(shift.shift + np.radians(0.01)) < 1.96 * shift.std
-    assert hit >= 13
+    assert hit >= 8

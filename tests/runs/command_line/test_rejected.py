@@ -99,8 +99,10 @@ def test_an_unknown_cause_is_not_followed_by_a_correction(tmp_path: Path) -> Non
     assert "compstiff correct" not in following
     assert "compstiff design" in following
     assert "--criterion C" in following
-    assert json.loads((tmp_path / "s.json").read_text())["fit"]["model_check"]["rejected"] is True
-
+    extended = json.loads((tmp_path / "s.json").read_text())
+    assert extended["fit"]["model_check"]["rejected"] is True
+    assert extended["effects"] == []
+    assert json.loads((tmp_path / "d.json").read_text())["gain"] is None
 
 
 def test_springs_that_changed_while_they_were_measured_are_no_springs_to_mill_with(tmp_path: Path) -> None:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from tests.runs.hidden_effects.hide_and_diagnose import Place, run
+from tests.runs.hidden_effects.hide_and_diagnose import Place, check_answer, run
 from tests.runs.hidden_effects.places import (
     IN_MOTION,
     MEASUREMENT,
     NEVER_SEEN,
-    answered,
     check_confounder,
     check_named,
     each,
@@ -40,8 +39,9 @@ def test_what_shows_in_motion_only_is_said_not_to_be_offered(name: str) -> None:
 
 
 def test_a_stand_that_goes_back_and_a_base_that_gives_way_are_one() -> None:
-    """To any load test: the gauge at the foot of the base tells them apart."""
-    found = answered(2, Hidden("stand_compliance", factor=1.5))
+    """To any load test: the gauge at the foot of the base tells them apart. A load a pose, which is searched quickly."""
+    found = run(2, Hidden("stand_compliance", factor=1.5), design="poses20")
+    check_answer(found.content)
     assert found.outcome == "ambiguous in", found.answer
     assert "base_shift" in found.answer.alternatives
 

@@ -26,6 +26,8 @@ def test_confounder_is_not_taken_for_it(where: Place) -> None:
     check_confounder(where)
 
 
+# Long: what cannot be told apart is asked of wrist bearings below.
+@pytest.mark.long
 def test_a_straight_tool_cannot_tell_sensor_from_spindle() -> None:
     check_ambiguous(1, Hidden("spindle_compliance", factor=2.0), Hidden("force_sensor_compliance"), straight_tool=True)
 
