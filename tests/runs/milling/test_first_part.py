@@ -42,8 +42,8 @@ class Shop:
         self.folder = folder
         for name in "ab":
             (folder / name).mkdir()
-        self.a = MillingJob(folder / "a", SEED, design="poses20", part=slot_and_pocket())
-        self.b = MillingJob(folder / "b", SEED, design="poses20",
+        self.a = MillingJob(folder / "a", SEED, part=slot_and_pocket())
+        self.b = MillingJob(folder / "b", SEED,
                             part=slot_and_pocket(spacing_mm=1.5, allowance_mm=0.8, wall_depth_mm=6.0))
         self.stiffness = self.a.identify()
         self.cell = self.a.cell_with("cut.yaml", CUTTING)
