@@ -54,8 +54,9 @@ def clock(plan: RobotPath, place: np.ndarray, override: float, shift: float, slo
     grid = np.linspace(0, length[-1], 200_000)
     share = np.ones(len(grid))
     for target in np.flatnonzero(corner > 20) + 1:
-        dip = slowing * min(corner[target - 1] / 90, 1) * np.exp(-(((grid - length[target]) / 6e-3) ** 2))
-        share = np.minimum(share, 1 - dip)
+        near = slice(*np.searchsorted(grid, length[target] + np.array([-0.05, 0.05])))      # beyond it is less than a rounding
+        dip = slowing * min(corner[target - 1] / 90, 1) * np.exp(-(((grid[near] - length[target]) / 6e-3) ** 2))
+        share[near] = np.minimum(share[near], 1 - dip)
     feed_time = np.interp(grid, length, np.cumsum(np.diff(length, prepend=0.0) / plan.toolpath.feed))
     taken = np.diff(feed_time) / (0.5 * (share[1:] + share[:-1])) / override
     return shift + np.interp(place, grid, np.concatenate([[0.0], np.cumsum(taken)]))

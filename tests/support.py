@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from identification.model.robot import RobotModel, built_in_robots, read_robot
 from tests.runs.command_line.user_files import run
@@ -34,6 +35,11 @@ def random_poses(model: RobotModel, count: int, rng: np.random.Generator, share:
         theta = share * rng.uniform(model.limits[:, 0], model.limits[:, 1], (2 * count, 6))
         found = np.concatenate([found, theta[(model.limit_excess(theta) == 0).all(axis=1)]])
     return found[:count]
+
+
+def long(*values: Any) -> Any:
+    """A case of a parametrised test that runs with --long alone: others tell in small what it tells."""
+    return pytest.param(*values, marks=pytest.mark.long)
 
 
 def write_cell(folder: Path, text: str = CELL) -> Path:

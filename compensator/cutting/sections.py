@@ -77,25 +77,26 @@ def signed_distance(edge: Array, within: np.ndarray, origin: Array, cell: float)
         rows = slice(first, first + some)
         i, j = middle[rows, 0, None] + dx, middle[rows, 1, None] + dy
         on = (i >= 0) & (i < nx) & (j >= 0) & (j < ny)
-        index, which = (j * nx + i)[on], np.broadcast_to(of[rows, None], i.shape)[on]
-        away = _to_edges(index, which, edge, origin, cell, nx)
+        i, j, which = i[on], j[on], np.broadcast_to(of[rows, None], on.shape)[on]
+        index, away = j * nx + i, _to_edges(i, j, which, edge, origin, cell)
         np.minimum.at(best, index, away)
         mine = away == best[index]
         owner[index[mine]] = which[mine]
     # Beyond: the edge that is nearest to the nearest point beside an edge.
     nearest = distance_transform_edt((best > cell).reshape(ny, nx), return_distances=False, return_indices=True)
     index = np.ravel_multi_index(tuple(nearest), (ny, nx)).ravel()
-    away = _to_edges(np.arange(ny * nx), owner[index], edge, origin, cell, nx)
-    away = np.where(best <= near * cell, best, away).reshape(ny, nx)
+    far = np.flatnonzero(best > near * cell)
+    j, i = np.divmod(far, nx)
+    best[far] = _to_edges(i, j, owner[index[far]], edge, origin, cell)
+    away = best.reshape(ny, nx)
     return np.where(within, away, -away).astype(np.float32)
 
 
-def _to_edges(index: np.ndarray, which: np.ndarray, edge: Array, origin: Array, cell: float, nx: int) -> Array:
-    """Distance (n,) [m] of the grid's points `index` to one edge each."""
-    j, i = np.divmod(index, nx)
-    a = edge[which, 0]
-    along = edge[which, 1] - a
-    x, y = origin[0] + cell * i - a[:, 0], origin[1] + cell * j - a[:, 1]
-    square = along[:, 0] ** 2 + along[:, 1] ** 2
-    share = np.clip((x * along[:, 0] + y * along[:, 1]) / np.maximum(square, 1e-300), 0.0, 1.0)
-    return np.asarray(np.hypot(x - share * along[:, 0], y - share * along[:, 1]))
+def _to_edges(i: np.ndarray, j: np.ndarray, which: np.ndarray, edge: Array, origin: Array, cell: float) -> Array:
+    """Distance (n,) [m] of the grid's points, column i and row j, to one edge each."""
+    (ax, ay), (wx, wy) = edge[:, 0].T, (edge[:, 1] - edge[:, 0]).T
+    x, y = origin[0] + cell * i - ax.take(which), origin[1] + cell * j - ay.take(which)
+    square = np.maximum(wx**2 + wy**2, 1e-300).take(which)
+    wx, wy = wx.take(which), wy.take(which)
+    share = np.minimum(np.maximum((x * wx + y * wy) / square, 0.0), 1.0)
+    return np.asarray(np.hypot(x - share * wx, y - share * wy))

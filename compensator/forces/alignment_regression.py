@@ -93,7 +93,7 @@ class Regression:
     def seen(self, x: Array, slip: Array | float = 0.0) -> Seen:
         """What each bin sees of the program."""
         engagement, move = self.program.engagement(self.planned(x) + slip, float(x[2]), float(x[3]))
-        return Seen(engagement, self.program.kind[move].astype(np.int8))
+        return Seen(engagement, self.program.kind.take(move).astype(np.int8))
 
     def design(self, x: Array, slip: Array | float = 0.0) -> Array:
         """What the force (n, 3) is regressed on (n, 1 + 4 kinds)."""
@@ -106,7 +106,7 @@ class Regression:
 
     def left(self, seen: Seen, coefficients: Array) -> Array:
         """The force (n, 3) [N] less what these coefficients (1 + 4 kinds, 3) make of the program."""
-        of_kind = coefficients[1:].reshape(-1, 4, 3)[seen.kind]
+        of_kind = coefficients[1:].reshape(-1, 4, 3).take(seen.kind, axis=0)
         return np.asarray(self.force - coefficients[0] - np.einsum("nj,njc->nc", seen.engagement, of_kind))
 
     def fit(self, x: Array, slip: Array | float = 0.0) -> Fit:

@@ -43,10 +43,9 @@ def stretch_slips(regression: Regression, x: Array) -> Slips:
     return _slips_within(regression, x, REACH * regression.program.period)
 
 
-def fine_slips(regression: Regression, x: Array) -> Slips:
-    """The same with states as fine as the slips are known."""
+def fine_slips(regression: Regression, x: Array, slips: Slips) -> Slips:
+    """The same, which `slips` are, with states as fine as they are known."""
     reach = REACH * regression.program.period
-    slips = _slips_within(regression, x, reach)
     while 2 * reach / STATES > FINEST and np.max(np.abs(slips.slip) + 4 * slips.std, initial=0.0) < reach / NARROWER:
         reach /= NARROWER
         slips = _slips_within(regression, x, reach)

@@ -92,13 +92,14 @@ class ProgramTime:
     def engagement(self, planned: Array, lead_in: float, lead_out: float) -> tuple[Array, Indices]:
         """What may carry force at planned times (n,) [s]: engaged, and engaged times direction, (n, 4), zero outside the
         program and over lead-in and lead-out [m]; and the move (n,)."""
-        move = np.clip(np.searchsorted(self.time, planned, side="left"), 1, len(self.time) - 1)
-        s = self.length[move - 1] + self.speed[move] * (planned - self.time[move - 1])
+        move = np.minimum(np.maximum(np.searchsorted(self.time, planned, side="left"), 1), len(self.time) - 1)
+        before = move - 1
+        s = self.length.take(before) + self.speed.take(move) * (planned - self.time.take(before))
         first, last = self._ends
-        engaged = (np.clip((s - first[move] - lead_in) / EDGE + 0.5, 0, 1)
-                   * np.clip((last[move] - lead_out - s) / EDGE + 0.5, 0, 1))
-        engaged *= ~self.air[move] & (planned >= self.time[0]) & (planned <= self.time[-1])
-        return np.asarray(engaged[:, None] * self._carried[move]), move
+        engaged = (np.clip((s - first.take(move) - lead_in) / EDGE + 0.5, 0, 1)
+                   * np.clip((last.take(move) - lead_out - s) / EDGE + 0.5, 0, 1))
+        engaged *= ~self.air.take(move) & (planned >= self.time[0]) & (planned <= self.time[-1])
+        return np.asarray(engaged[:, None] * self._carried.take(move, axis=0)), move
 
 
 def air_moves(feed: Array, by_joints: Flags) -> Flags:

@@ -190,8 +190,8 @@ def _by_slowing(regression: Regression, x: Array) -> tuple[Regression, Array, Sl
 
 
 def _finely(regression: Regression, x: Array) -> tuple[Array, Slips]:
-    x = _refined(regression, x)[0]
-    return x, fine_slips(regression, x)
+    x, slips = _refined(regression, x)
+    return x, fine_slips(regression, x, slips)
 
 
 def _places(found: list[Alternative], time: Array, middle: float) -> Iterator[tuple[float, Array]]:

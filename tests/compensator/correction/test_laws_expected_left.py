@@ -70,7 +70,7 @@ def test_a_force_that_turns_with_each_straight_move_leaves_a_saw_tooth() -> None
 @pytest.mark.parametrize("allowance", [0.8, 1.5])
 def test_a_stated_depth_tells_the_cutting_stiffness_of_the_end_mill(tmp_path: Path, allowance: float) -> None:
     """How the push across of the virtual cell's own end mill grows at the wall; the tool that was logged stood aside."""
-    job = MillingJob(tmp_path, 4, part=slot_and_pocket(spacing_mm=1.5, allowance_mm=allowance))
+    job = MillingJob(tmp_path, 4, design="poses20", part=slot_and_pocket(spacing_mm=1.5, allowance_mm=allowance))
     stiffness = job.identify()
     made = job.correct(job.log(job.first, job.planned, "log.csv"), stiffness, settings(depth_of_cut=1e-3 * allowance))
     found = made.job.stiffness
@@ -89,7 +89,7 @@ def test_a_stated_depth_tells_the_cutting_stiffness_of_the_end_mill(tmp_path: Pa
 
 def test_what_is_known_of_a_wall_is_not_said_of_a_slot(tmp_path: Path) -> None:
     """What the growing force really leaves in the slot, the force of the first pass held against it, and what is stated."""
-    job = MillingJob(tmp_path, 4)
+    job = MillingJob(tmp_path, 4, design="poses20")
     stiffness = job.identify()
     made = job.correct(job.log(job.first, job.planned, "log.csv"), stiffness, settings(depth_of_cut=1.5e-3))
     first = job.first_with(made.part)
@@ -103,7 +103,7 @@ def test_what_is_known_of_a_wall_is_not_said_of_a_slot(tmp_path: Path) -> None:
 
 
 def test_nothing_climbs_in_a_slot_alone(tmp_path: Path) -> None:
-    job = MillingJob(tmp_path, 4, part=slot_and_pocket(pocket=False))
+    job = MillingJob(tmp_path, 4, design="poses20", part=slot_and_pocket(pocket=False))
     stiffness = job.identify()
     log = job.log(job.first, job.planned, "log.csv")
     made, guessed = (job.correct(log, stiffness, settings(**stated)).job for stated in ({"depth_of_cut": 1.5e-3}, {}))

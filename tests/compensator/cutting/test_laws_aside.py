@@ -12,6 +12,7 @@ from compensator.cutting.removal import mill_through
 from compensator.cutting.stock_file import read_stock
 from tests.compensator.cutting.milled import FLAT, MILL, TRUE, block, track_along
 from tests.compensator.cutting.solids import binary, prism, stock_of, summed_force
+from tests.support import long
 
 LOW, HIGH, STEP = (-60.0, -40.0, -20.0), (60.0, 40.0, 0.0), 0.1
 
@@ -66,7 +67,7 @@ def test_a_pass_under_another_does_not_feel_where_the_top_stands() -> None:
     assert np.abs(change[second]).max() < 1e-9
 
 
-@pytest.mark.parametrize("shift", [(0.0, 6.0), (5.0, -8.0)], ids=["one way", "another"])
+@pytest.mark.parametrize("shift", [long((0.0, 6.0)), (5.0, -8.0)], ids=["one way", "another"])
 def test_a_leaning_blank_moved_is_milled_anew(tmp_path: Path, shift: tuple[float, float]) -> None:
     """Along every axis, to 2 % of the largest change; its layers are 0.1 mm thick."""
     outline = np.array([[0.0, -10.0], [60.0, -10.0], [60.0, 40.0], [0.0, 40.0]])

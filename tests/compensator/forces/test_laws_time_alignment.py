@@ -31,7 +31,7 @@ sample_log, program_time = cache(sample_once), cache(program_time)
 
 
 @pytest.mark.parametrize(("override", "shift", "slowing", "first", "last"), [
-    (1.1, -4.0, 0.7, 0.0, 1.0), (0.6, 40.0, 0.0, 0.1, 0.7)])
+    pytest.param(1.1, -4.0, 0.7, 0.0, 1.0, marks=pytest.mark.long), (0.6, 40.0, 0.0, 0.1, 0.7)])
 def test_the_sample_is_placed_within_millimetres(
     override: float, shift: float, slowing: float, first: float, last: float
 ) -> None:
@@ -91,6 +91,14 @@ def test_each_doubt_alone_refuses(score: float, share: float, plateau: float, in
     assert len(alignment.against) == bool(words)
 
 
+def test_stretches_whose_force_is_another_refuse() -> None:
+    """One may be, such as a pass over air; two are not."""
+    def with_odd(*odd: tuple[float, float]) -> TimeAlignment:
+        return TimeAlignment(np.zeros(1), 0.0, 1.0, 0.0, 40.0, 0.9, 5.0, odd, 0.1, 0.05, np.zeros(1), np.zeros(1), 3e-3)
+    assert with_odd((10.0, 14.0)).believed
+    assert "in 2 stretches" in "; ".join(with_odd((10.0, 14.0), (20.0, 24.0)).against)
+
+
 def test_the_best_plateau_is_the_best_of_all() -> None:
     """Against least squares for every pair of edges."""
     rng = np.random.default_rng(0)
@@ -107,7 +115,9 @@ def test_the_best_plateau_is_the_best_of_all() -> None:
     assert plateau_share(bins) == pytest.approx(best)
 
 
-@pytest.mark.parametrize(("job", "seed"), [("turning", 21), ("one cut", 22), ("pocketing", 23), ("drilling", 24)])
+@pytest.mark.parametrize(("job", "seed"), [
+    pytest.param("turning", 21, marks=pytest.mark.long), pytest.param("one cut", 22, marks=pytest.mark.long),
+    ("pocketing", 23), ("drilling", 24)])
 def test_logs_of_other_jobs_are_refused(job: str, seed: int) -> None:
     """Stretched, cut, scaled; the benchmark has the figures over many."""
     program = raster()
@@ -115,15 +125,16 @@ def test_logs_of_other_jobs_are_refused(job: str, seed: int) -> None:
 
 
 def test_a_program_of_many_passes_is_seen_pass_by_pass(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As few bins for a hundred passes as otherwise for a thousand: three a pass do not tell its ends from the air."""
-    monkeypatch.setattr(time_alignment, "FINE", 300)
-    program = passes(100, 4, np.random.default_rng(7))
+    """As few bins for forty passes as otherwise for a thousand: three a pass do not tell its ends from the air."""
+    monkeypatch.setattr(time_alignment, "FINE", 120)
+    program = passes(40, 4, np.random.default_rng(7))
     time, force, place = passes_log(program, np.random.default_rng(9))
     alignment = align(program, time, force)
     assert alignment.believed, alignment.against
     assert 1e3 * np.nanmedian(np.abs(alignment.length - place)) < 2
 
 
+@pytest.mark.long
 def test_a_program_that_stood_still_is_noticed() -> None:
     """Six seconds in air after a tenth of the program: most of it fits, the passes before would be one pass off."""
     plan, force, place = sample_log()
@@ -245,7 +256,7 @@ def test_a_pass_over_air_is_named_and_left_out(sample_inputs: Inputs, tmp_path: 
     assert finding.file == str(sample_inputs.toolpath)
 
 
-@pytest.mark.parametrize("share", [0.0, 1.0])
+@pytest.mark.parametrize("share", [0.0, pytest.param(1.0, marks=pytest.mark.long)])
 def test_how_much_the_robot_speeds_up_and_brakes_is_estimated_too(share: float) -> None:
     """A cut of three layers with a stop at each target, driven by a robot without inertia or as the program's timing has it:
     the places are right to a fraction of what the stops take, and the override is that which was set."""

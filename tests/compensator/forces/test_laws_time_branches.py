@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from benchmarks.time_placement import clock
-from benchmarks.time_placement import sample as sample_log
+from benchmarks.time_placement import sample as sample_once
 from compensator.correction.correct import Corrected
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
 
+sample_log = cache(sample_once)
 FIRST, LAST = "! top, y = 67.5 mm", "! top, y = 87.5 mm"
 BRANCHES = {"all": ("IF DInput(diAll)=1 THEN", "ENDIF"), "loop": ("FOR i FROM 1 TO GInput(giTimes) DO", "ENDFOR")}
 

@@ -86,6 +86,8 @@ class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     controller: RobotController
     timeout = 10
+    # In one piece and at once: of two pieces the second waits for the first to be acknowledged, 40 ms.
+    wbufsize, disable_nagle_algorithm = -1, True
 
     def log_message(self, *_: object) -> None:
         return

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.correct_time import write_job
 
-FEW, MANY = 10_000, 80_000
+FEW, MANY = 6_000, 48_000
 # CPU time grows by more than the targets do, which are 8 times as many: caches, and other work on the machine. A part that
 # grows with their square and takes a twentieth of the time at first makes it 11.
 MOST_GROWTH = 10.0

@@ -77,7 +77,7 @@ def test_single_bytes_replaced(tmp_path: Path, name: str) -> None:
     job = Job(tmp_path, program=P.program(), forces=FORCE + "2,1,2,3\n" * 20).write()
     whole = (tmp_path / name).read_bytes()
     rng = np.random.default_rng(2)
-    for _ in range(80):
+    for _ in range(40):
         at = int(rng.integers(0, len(whole)))
         byte = bytes([int(rng.choice(list(b'[](){},;:."!\\\n\r\t -+eE09naN#%&*\x00\xff|')))])
         (tmp_path / name).write_bytes(whole[:at] + byte + whole[at + 1 :])

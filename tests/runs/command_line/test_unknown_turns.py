@@ -12,6 +12,7 @@ from tests.runs.command_line.test_branches import cut_short, program, seen
 from tests.runs.command_line.test_followed_calls import AWAY, POINTS, A, B, force_at, log_of
 from tests.runs.command_line.test_placement import Path3
 from tests.runs.command_line.user_files import Job
+from tests.support import long
 
 
 def levels(result: kit.Result, code: str) -> list[str]:
@@ -19,7 +20,7 @@ def levels(result: kit.Result, code: str) -> list[str]:
 
 
 @pytest.mark.parametrize("key", ["path_mm", "x_mm"])
-@pytest.mark.parametrize("turns", [0, 1, 3])
+@pytest.mark.parametrize("turns", [0, long(1), 3])
 @pytest.mark.parametrize("body", [
     "A FOR i FROM 1 TO GInput(giPasses) DO AWAY ENDFOR B",
     "nTurn:=GInput(giPasses); A WHILE nTurn>0 DO AWAY nTurn:=nTurn-1; ENDWHILE B",

@@ -23,7 +23,7 @@ TOLERANCE_UM = 25.0
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> MillingJob:
-    return MillingJob(tmp_path_factory.mktemp("budget"), 2)
+    return MillingJob(tmp_path_factory.mktemp("budget"), 2, design="poses20")
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from tests.virtual_cell.milled_part import slot_and_pocket
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> MillingJob:
-    return MillingJob(tmp_path_factory.mktemp("added"), 11, part=slot_and_pocket(1.0, 0.8))
+    return MillingJob(tmp_path_factory.mktemp("added"), 11, design="poses20", part=slot_and_pocket(1.0, 0.8))
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ has more."""
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from tests.virtual_cell.milling import Commands
 @pytest.fixture(scope="module")
 def both(tmp_path_factory: pytest.TempPathFactory) -> Both:
     return Both(tmp_path_factory.mktemp("learn") / "cell", 1, slot_and_pocket(),
-                slot_and_pocket(allowance_mm=0.7, wall_depth_mm=8.0))
+                slot_and_pocket(allowance_mm=0.7, wall_depth_mm=8.0), job_of=partial(ErringJob, design="poses20"))
 
 
 @pytest.fixture(scope="module")
@@ -212,7 +213,7 @@ def test_a_remainder_larger_than_physics_is_refused(job: ErringJob, stiffness: P
 
 def test_noise_alone_teaches_nothing(job: ErringJob, stiffness: Path, log: Path) -> None:
     """A cell that is as its model says, measured with noise: no remainder, and the prediction stays within a micrometre."""
-    plain = ErringJob(job.folder.parent.parent / "plain", 1, motion=1.0)
+    plain = ErringJob(job.folder.parent.parent / "plain", 1, design="poses20", motion=1.0)
     model = plain.identify()
     forces = plain.log(plain.first, plain.planned, "log.csv")
     learning, output = plain.learn(model, forces, plain.measure(plain.first, "points.csv", 10.0))

@@ -153,7 +153,7 @@ def test_the_material_makes_walls_better_and_leaves_the_slot_alone(
 def test_a_stated_depth_of_the_slot_makes_it_right_on_a_soft_arm(tmp_path: Path) -> None:
     """An arm that the push across moves along the tool's axis, in steel: the force in the slot grows with the depth there, by
     nothing that is known of walls. The truth: how the virtual cell's force grows with the depth, at the targets of the slot."""
-    soft = MillingJob(tmp_path, 500, part=slot_and_pocket(0.5, pocket=False), cutter=STEEL)
+    soft = MillingJob(tmp_path, 500, design="poses20", part=slot_and_pocket(0.5, pocket=False), cutter=STEEL)
     springs = soft.identify()
     logged = soft.log(soft.first, soft.planned, "log.csv")
     unknown = soft.correct(logged, springs)
@@ -315,7 +315,7 @@ def test_what_the_force_follows_goes_with_the_next_log(
 
 def test_a_hidden_backlash_is_diagnosed_and_corrected(tmp_path: Path) -> None:
     """Half the gap is 60 um at the tool, either way as the force turns."""
-    job = MillingJob(tmp_path, 7000, parse("backlash:1"), part=slot_and_pocket(pocket=False))
+    job = MillingJob(tmp_path, 7000, parse("backlash:1"), design="poses20", part=slot_and_pocket(pocket=False))
     extended, diagnosis = job.diagnose()
     assert [(cause["effect"], cause["joint"]) for cause in diagnosis["causes"]] == [("backlash", 1)]
     log = job.log(job.first, job.planned, "pass1.csv")
@@ -332,7 +332,7 @@ def test_a_hidden_backlash_is_diagnosed_and_corrected(tmp_path: Path) -> None:
 def test_places_that_wait_for_the_next_log_are_said_and_get_better_by_it(tmp_path: Path) -> None:
     """A soft arm in steel with all depths stated: few places wait, corners and entries, and by the log of the corrected pass
     what is really left there is a half or less."""
-    soft = MillingJob(tmp_path, 500, part=slot_and_pocket(0.5, 0.8), cutter=STEEL)
+    soft = MillingJob(tmp_path, 500, design="poses20", part=slot_and_pocket(0.5, 0.8), cutter=STEEL)
     springs, known = soft.identify(), {"depth_of_cut": 0.8e-3, "slot_depth": SLOT_DEPTH * 1e-3}
     log = soft.log(soft.first, soft.planned, "log.csv")
     found = soft.correct(log, springs, settings(**known))

@@ -28,7 +28,7 @@ SEED = 3
 def job_with(folder: Path, effect: str, seed: int = SEED, motion: float = 1.0) -> ErringJob:
     """A robot with a kinematic error and a spindle that warms up, to which the effect came."""
     folder.mkdir()
-    return ErringJob(folder, seed, motion=motion, astray=drawn(seed), since=parse(effect))
+    return ErringJob(folder, seed, design="poses20", motion=motion, astray=drawn(seed), since=parse(effect))
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ TOO_DEEP = 50.0
 
 def test_a_soft_arm_in_a_thin_cut_does_not_spring_into_the_wall_behind(tmp_path: Path) -> None:
     wanted = replace(JOBS[JOB], cutter=replace(JOBS[JOB].cutter, runout_mm=(0.0, 0.0, 0.0)))
-    job = MillingJob(tmp_path, SOFT_ARM, part=wanted.part, cutter=wanted.cutter)
+    job = MillingJob(tmp_path, SOFT_ARM, design="poses20", part=wanted.part, cutter=wanted.cutter)
     soft = compliance(job)
     first = mill_corner(way(job.program.read_text()), job.part, job.cutter, soft)
     found = corrected(job, log_of(job, first), depth_of_cut=1e-3 * wanted.depth_mm)
@@ -43,7 +43,7 @@ def test_a_log_that_has_met_the_corner_is_believed(tmp_path: Path) -> None:
     """A cut of 1.5 mm, of which the tool stood aside by 0.16 mm at the corner, and by 0.04 in the second pass: the material
     tells about how deep it is, and so do two passes."""
     wanted = JOBS["0.5 mm"]
-    job = MillingJob(tmp_path, 71314, part=wanted.part)
+    job = MillingJob(tmp_path, 71314, design="poses20", part=wanted.part)
     stiffness = job.identify()
     log = job.log(job.first, job.planned, "pass1.csv")
     second = job.correct(log, stiffness)

@@ -10,6 +10,7 @@ import pytest
 
 from tests.runs.command_line import user_files as kit
 from tests.runs.milling.learning_job import ErringJob
+from tests.support import long
 from tests.virtual_cell.endmill import EndMill
 from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
 
@@ -18,7 +19,7 @@ RADIUS = EndMill().radius_mm
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> ErringJob:
-    return ErringJob(tmp_path_factory.mktemp("part"), 53271, part=slot_and_pocket(3.0), motion=1.1)
+    return ErringJob(tmp_path_factory.mktemp("part"), 53271, design="poses20", part=slot_and_pocket(3.0), motion=1.1)
 
 
 def learned(job: ErringJob, points: Path, *words: object) -> kit.Run:
@@ -37,7 +38,7 @@ def told(job: ErringJob, points: Path, *words: object) -> set[str]:
 
 
 @pytest.mark.parametrize(("radius", "probe_mm", "said"), [
-    (RADIUS, 0.0, False), (0.0, 0.0, True), (2 * RADIUS, 0.0, True), (RADIUS, 1.0, True), (RADIUS, 0.1, False)])
+    (RADIUS, 0.0, False), (0.0, 0.0, True), long(2 * RADIUS, 0.0, True), (RADIUS, 1.0, True), long(RADIUS, 0.1, False)])
 def test_points_beside_the_path_along_their_normals(job: ErringJob, radius: float, probe_mm: float, said: bool) -> None:
     file = job.measure(job.first, "normal.csv", along_normal=True)
     header, *rows = file.read_text().splitlines()
@@ -76,7 +77,7 @@ def test_zeros_where_nothing_was_measured(job: ErringJob) -> None:
     assert "CS6047" in told(job, file)
 
 
-@pytest.mark.parametrize(("by", "said"), [(0, set()), (1, set()), (6, {"CS5329"}), (-8, {"CS5329"})])
+@pytest.mark.parametrize(("by", "said"), [long(0, set()), (1, set()), (6, {"CS5329"}), long(-8, {"CS5329"})])
 def test_deviations_that_were_shifted_against_their_places(job: ErringJob, by: int, said: set[str]) -> None:
     """By rows of half a millimetre; one is within how well a log is placed."""
     file = job.measure(job.first, "shifted.csv")
@@ -88,7 +89,7 @@ def test_deviations_that_were_shifted_against_their_places(job: ErringJob, by: i
 
 
 @pytest.mark.parametrize(("columns", "signs", "said"), [
-    ((0, 1, 2), (1, 1, 1), ""), ((0, 1, 2), (-1, 1, 1), "x with the other sign"),
+    long((0, 1, 2), (1, 1, 1), ""), long((0, 1, 2), (-1, 1, 1), "x with the other sign"),
     ((0, 1, 2), (1, -1, 1), "y with the other sign"), ((1, 0, 2), (1, 1, 1), "x and y exchanged")])
 def test_columns_along_other_axes_teach_nothing(
     job: ErringJob, columns: tuple[int, ...], signs: tuple[int, ...], said: str

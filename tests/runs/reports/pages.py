@@ -80,11 +80,11 @@ def joint_logs(folder: Path) -> dict[str, object]:
 
 
 def learning(folder: Path, predicted: Predicted) -> Learning:
-    """From the sample part, measured on every fortieth target with force: 1.2 times the deviation that was predicted there, and
-    noise. Simulated; what is learned is judged elsewhere."""
-    points, rows, forces = folder / "points.csv", predicted.targets[::40], shipped("samples") / "insert.forces.parquet"
+    """From the sample part, measured on every hundredth target with force: 1.2 times the deviation that was predicted there,
+    and noise. Simulated; what is learned is judged elsewhere."""
+    points, rows, forces = folder / "points.csv", predicted.targets[::100], shipped("samples") / "insert.forces.parquet"
     place = 1e3 * predicted.path.toolpath.position[rows]
-    moved = 1.2e6 * predicted.prediction.position[::40] + np.random.default_rng(5).normal(0, 3, (len(rows), 3))
+    moved = 1.2e6 * predicted.prediction.position[::100] + np.random.default_rng(5).normal(0, 3, (len(rows), 3))
     text = "\n".join(",".join(f"{value:.4f}" for value in [*at, *off, 3.0]) for at, off in zip(place, moved, strict=True))
     points.write_text(f"x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,std_um\n{text}\n")
     return compstiff.learn(predicted.cell, predicted.program, predicted.model, forces, points, predicted.settings)

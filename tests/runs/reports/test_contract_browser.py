@@ -6,7 +6,7 @@ from __future__ import annotations
 import base64
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,8 @@ from tests.runs.reports.pages import VERDICTS
 
 NAMES = ("correct", "predict", "budget", "identify", "diagnose", "verify", "corner", "design", "learn", "motion_identify",
          "motion_diagnose", *VERDICTS, "mistake")
+# Pages of the kind that another page has too are looked at with --long.
+LIKE_ANOTHER = ("predict", "named", "ambiguous")
 AXE = Path(__file__).parent / "vendor" / "axe.min.js"
 # The pixels of a canvas.
 PIXELS = """canvas => {
@@ -42,6 +44,11 @@ PIXELS = """canvas => {
 SCREENSHOTS = os.environ.get("COMPSTIFF_SCREENSHOTS", "")
 
 
+def each_kind(names: Sequence[str], *more: str) -> list[Any]:
+    """The names, those marked `long` that are like another one, or named in `more`."""
+    return [pytest.param(name, marks=pytest.mark.long) if name in (*LIKE_ANOTHER, *more) else name for name in names]
+
+
 def pixels(page: Any) -> np.ndarray:
     """(height, width, 3) of the view in space."""
     width, height, data = page.eval_on_selector(".stage canvas", PIXELS)
@@ -53,7 +60,7 @@ def coloured(picture: np.ndarray) -> np.ndarray:
     return np.ptp(picture, axis=2) > 60
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", each_kind(NAMES))
 def test_no_request_no_complaint_no_overflow(browser: Any, folder: Path, name: str) -> None:
     """And no page is wider than its window, nor than a telephone or A4."""
     found = opened(browser, folder / f"{name}.html")
@@ -72,10 +79,18 @@ def test_no_request_no_complaint_no_overflow(browser: Any, folder: Path, name: s
     found.page.close()
 
 
-@pytest.mark.parametrize(("name", "scheme"), [*((name, "light") for name in NAMES), ("budget", "dark"), ("diagnose", "dark"),
-                                             ("design", "dark"), ("learn", "dark")])
-def test_no_serious_obstacle(browser: Any, folder: Path, name: str, scheme: Any) -> None:
+@pytest.mark.parametrize("name", each_kind(NAMES))
+def test_no_serious_obstacle(browser: Any, folder: Path, name: str) -> None:
     """By axe-core: names of controls, order of headings, tables, contrast."""
+    look_for_obstacles(browser, folder, name, "light")
+
+
+@pytest.mark.parametrize("name", each_kind(("budget", "diagnose", "design", "learn"), "design", "learn"))
+def test_no_serious_obstacle_in_the_dark(browser: Any, folder: Path, name: str) -> None:
+    look_for_obstacles(browser, folder, name, "dark")
+
+
+def look_for_obstacles(browser: Any, folder: Path, name: str, scheme: Any) -> None:
     found = opened(browser, folder / f"{name}.html", color_scheme=scheme)
     # By DevTools, since the page lets no script in.
     found.page.evaluate(AXE.read_text(encoding="utf-8"))
@@ -97,7 +112,7 @@ def test_sentences_in_tables_have_room_on_a_telephone(browser: Any, folder: Path
     page.close()
 
 
-@pytest.mark.parametrize("language", ["en-US@posix", "de-DE", "ar-EG"])
+@pytest.mark.parametrize("language", ["en-US@posix", pytest.param("de-DE", marks=pytest.mark.long), "ar-EG"])
 def test_the_path_is_there_in_every_language(browser: Any, folder: Path, language: str) -> None:
     """One that no page can read, as a computer without a language has it (LANG=C), a comma for the decimals, other digits."""
     said = f"Object.defineProperty(Navigator.prototype, 'language', {{ get: () => '{language}' }})"
@@ -294,7 +309,7 @@ def test_paper_has_what_the_page_folds(browser: Any, folder: Path) -> None:
     found.page.close()
 
 
-@pytest.mark.parametrize("name", ["correct", "mistake", "named"])
+@pytest.mark.parametrize("name", each_kind(["correct", "mistake", "named"]))
 def test_a_command_is_there_without_a_click(browser: Any, folder: Path, name: str) -> None:
     found = opened(browser, folder / f"{name}.html")
     assert found.page.locator(".next > .command code").first.is_visible()
