@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
 from compensator.forces.log_path import on_path, placed_rows
+from compensator.forces.one_pass import check_once
 from compensator.forces.program_time import moves_in_air
 from compensator.forces.source import Key
 from compensator.forces.time_log import promise_by_time
@@ -54,10 +55,12 @@ def as_driven(log: ForceLog, path: RobotPath) -> ForceLog:
     fits that better. Rows of a move that was driven before are left out, so that of targets which are driven twice the first
     pass counts; so are rows whose place is another on each of several ways that the program may have gone.
 
-    Raises what `on_path` raises, and CompstiffError (CS3123) where that is nearly all of them.
+    Raises what `on_path` and `check_once` raise, and CompstiffError (CS3123) where that is nearly all of them.
     """
-    if log.on_path or log.key == "target" or log.predicted is not None:
+    if log.on_path or log.predicted is not None:
         return on_path(log, path)
+    if log.key == "target":
+        return _by_targets(log, path)
     if path.toolpath.ways:
         return _along_ways(log, path)
     driven = driven_path(path)
@@ -74,6 +77,18 @@ def as_driven(log: ForceLog, path: RobotPath) -> ForceLog:
         if np.isfinite(by_text.place).sum() > np.isfinite(placed.place).sum():
             return by_text
     return in_text(placed, log.key, driven)
+
+
+def _by_targets(log: ForceLog, path: RobotPath) -> ForceLog:
+    """A log that names targets: the way to the one ahead begins at the one that is driven before it."""
+    driven, number = None if path.toolpath.ways else driven_path(path), log.place.astype(np.intp)
+    if driven is None or path.cell.force_log.form.target == "nearest" or not np.isin(number, driven.order).all():
+        return on_path(log, path)
+    again = check_once(log, number, driven.order)
+    named, turn = np.unique(driven.order, return_index=True)
+    by_turn = replace(log, place=turn[np.searchsorted(named, number)].astype(float))
+    placed = in_text(on_path(by_turn, driven.run), log.key, driven)
+    return replace(placed, findings=(*placed.findings, *again))
 
 
 def _of_text(end: float, driven: float, text: float) -> bool:

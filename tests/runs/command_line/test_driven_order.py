@@ -59,6 +59,82 @@ def test_a_routine_called_under_a_displacement_is_left_as_it_is(tmp_path: Path, 
     assert {"CS2015", "CS3086"} <= kit.codes(result)
 
 
+TURNS = [10, 11, 12, 13, 14, 15, 16, 17, 18, 19, *range(10)]      # of the targets of the text, as driven
+
+
+def behind_first(path: Path3) -> str:
+    """The second half of the path as a routine behind the first half's, and main that calls it first."""
+    first, second = ("".join(f"{kit.move(target)}\n" for target in some) for some in (path.text[:10], path.text[10:]))
+    head = kit.module([]).split("PROC")[0]
+    return (f"{head}PROC rFirst()\n{first}ENDPROC\nPROC rSecond()\n{second}ENDPROC\n"
+            "PROC main()\nrSecond;\nrFirst;\nENDPROC\nENDMODULE\n")
+
+
+def test_a_target_ahead_is_driven_to_from_the_one_before_it_in_the_order_of_the_calls(tmp_path: Path) -> None:
+    """Ten samples on the way to each; the force is another one behind each target."""
+    path, force = line(20, 10), np.outer(np.arange(1, 21), [9.0, -15, 6])
+    rows = "".join(f"{number},{','.join(f'{value:.4f}' for value in force[turn])}\n"
+                   for turn, number in enumerate(TURNS) for _ in range(10))
+    cut = Job(tmp_path, program=behind_first(path), forces=f"target,fx_n,fy_n,fz_n\n{rows}")
+    cut.cell += "force_log: {target: ahead}\n" if "force_log:" not in cut.cell else ""
+    result = cut.correct("--json", "--keep-targets")
+    assert result.code == 0, result
+    assert {"CS3040", "CS3122"} <= kit.codes(result)
+    seen = kit.column(cut.offsets(), "dx_um", "dy_um", "dz_um")
+    for turn, number in enumerate(TURNS[:-1]):
+        if number in (9, 19, 0, 10):        # where a routine ends the way on is not in the text
+            continue
+        meant = kit.deviation(kit.IRB6660, path.q[number], kit.TOOL.p, np.r_[force[turn:turn + 2].mean(axis=0), 0, 0, 0], kit.K)
+        np.testing.assert_allclose(seen[number], 1e6 * meant, rtol=0.03, atol=0.5)
+
+
+@pytest.mark.parametrize("turns", [[*TURNS, *TURNS], list(range(20))])
+def test_targets_ahead_in_another_order_or_twice_are_told(tmp_path: Path, turns: list[int]) -> None:
+    rows = "".join(f"{number},{FORCE}\n" for number in turns for _ in range(10))
+    cut = Job(tmp_path, program=behind_first(line(20, 10)), forces=f"target,fx_n,fy_n,fz_n\n{rows}")
+    cut.cell += "force_log: {target: ahead}\n"
+    result = cut.correct("--json")
+    assert result.code == 1
+    assert "CS3119" in kit.codes(result)
+
+
+@pytest.mark.parametrize("named", ["ahead", "nearest"])
+def test_numbers_of_the_corrected_program_count_as_it_drives(tmp_path: Path, named: str) -> None:
+    """The second half is cut first; the force turns round in the middle of a move, so that targets are added there. A second
+    log, with the written program's numbers, is placed as the first, by positions."""
+    path = line(20, 10)
+    cut = Job(tmp_path, program=behind_first(path))
+    cut.cell += f"force_log: {{target: {named}}}\n"
+    along = np.concatenate([np.arange(100.0, 190.1, 0.1), np.arange(0.0, 90.1, 0.1)])
+    force = np.where(((along > 55) ^ (along > 145))[:, None], [90.0, -150, 60], [-90.0, 150, -60])
+    loads = [",".join(map(str, row)) for row in force.tolist()]
+    places = np.round(path.at(np.outer(along, [1, 0, 0])), 4).tolist()
+    cut.forces = "x_mm,y_mm,z_mm,fx_n,fy_n,fz_n\n" + "".join(
+        f"{','.join(map(str, place))},{load}\n" for place, load in zip(places, loads, strict=True))
+    result = cut.correct("--json")
+    assert result.code == 0, result
+    first = cut.offsets()
+    cut.offsets_file.rename(tmp_path / "first.csv")
+    shares = [[*(float(share) for share in row["added"].split()), 1.0] for row in first]
+    given = 10 * np.array([place - 1 + share for place, some in enumerate(shares) for share in some])
+    assert len(given) > 20
+    routine = given < 95 - 1e-9
+    numbers = np.empty(len(along), dtype=int)
+    for half, mine in ((True, along <= 90), (False, along >= 100)):
+        own, (at,) = given[routine == half], np.nonzero(routine == half)
+        if named == "ahead":
+            numbers[mine] = at[np.minimum(np.searchsorted(own, along[mine] - 1e-6), len(own) - 1)]
+        else:
+            numbers[mine] = at[np.argmin(np.abs(along[mine][:, None] - own), axis=1)]
+    cut.forces = "target,fx_n,fy_n,fz_n\n" + "".join(f"{number},{load}\n" for number, load in zip(numbers, loads, strict=True))
+    again = cut.correct("--json", "--force", "--correct-again", "--logged-with", tmp_path / "first.csv")
+    assert again.code == 0, again
+    assert "CS4127" in kit.codes(again)
+    before, after = (kit.column(rows, "dx_um", "dy_um", "dz_um") for rows in (first, cut.offsets()))
+    inner = [k for k in range(20) if k not in (0, 9, 10, 19)]
+    np.testing.assert_allclose(after[inner], before[inner], rtol=0.04)
+
+
 @pytest.mark.parametrize(("header", "main", "told"), [
     ("path_mm", "rCut;\nrHome;", False), ("path_mm", "rHome;\nrCut;", False), ("x_mm,y_mm,z_mm", "rHome;\nrCut;", False),
     ("path_mm", "GOTO over;\nover:\nrHome;\nrCut;", True)])
