@@ -65,13 +65,14 @@ class FromPose(_GearSoftening):
         return {"row": self.row}
 
     def missing(self, rows: LoadState) -> str:
-        return "" if rows.starts.sum() > 1 else "there is one pose alone"
+        return "" if rows.starts.sum() > 2 else "there are no two poses behind the first"
 
     def reached(self, rows: LoadState, values: Array) -> Array:
         return np.asarray(rows.row >= self.row, dtype=float)
 
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
-        firsts = evenly(rows.row[np.flatnonzero(rows.starts)[1:]], MOST_PLACES)
+        # From the last pose on it would be that pose alone that is off.
+        firsts = evenly(rows.row[np.flatnonzero(rows.starts)[1:-1]], MOST_PLACES)
         return [shape for row in firsts for shape in FromPose(int(row)).shown(rows, joint, [()])]
 
 

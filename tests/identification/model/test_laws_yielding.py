@@ -438,7 +438,8 @@ def test_a_gear_that_softens_is_a_softer_spring_afterwards(law: str) -> None:
         moved, share = effects()[law].contribution(rows, 5, np.array([0.2, 1000.0])), 1 - np.exp(-rows.time / 1000.0)
     else:
         shapes = known(law).signatures(rows, 5)
-        assert [shape.effect.where for shape in shapes] == [{"row": rows.row[7 * k]} for k in (1, 2, 3)]
+        # Two poses at least.
+        assert [shape.effect.where for shape in shapes] == [{"row": rows.row[7 * k]} for k in (1, 2)]
         moved, share = shapes[1].effect.contribution(rows, 5, np.array([0.2])), (rows.visit >= 2).astype(float)
     assert_allclose(moved, share[:, None] * softer, atol=1e-15)
 
