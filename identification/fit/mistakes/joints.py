@@ -13,13 +13,17 @@ from numpy.typing import NDArray
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.mistake import Mistake, table_mistake
 from identification.fit.priors import PriorModel
+from identification.model.kinematics import forward
 from identification.model.robot import RobotModel, built_in_robots, read_robot
+from identification.model.rotations import Frame
 
 Array = NDArray[np.float64]
 # A zero that is off may take a pose a little over the joint's limit.
 BEYOND_LIMITS = np.radians(5.0)
 SETTLES = "read the six angles of one pose on the pendant and compare them with its row"
 QUARTERS = (90.0, -90.0, 180.0)
+# The axis about which a tool may be mounted, or given, turned.
+LAST = 5
 
 
 def joint_mistakes(data: LoadTest) -> list[Mistake]:
@@ -33,7 +37,9 @@ def joint_mistakes(data: LoadTest) -> list[Mistake]:
     found += [_angles(f"joint_sign[{j + 1}]", f"q{j + 1} seems to have the other sign in {{rows}}", _signed(j))
               for j in range(6)]
     found += [_angles(f"joint_zero[{j + 1} {turn:+.0f}]", f"q{j + 1} seems to count from another zero, {turn:+.0f} degrees "
-                      "off, in {rows}", _from(j, -np.radians(turn)), usual=False) for j in range(1, 6) for turn in QUARTERS]
+                      "off, in {rows}", _from(j, -np.radians(turn)), usual=False,
+                      or_else=_or_turned_tool(data, _from(j, -np.radians(turn))) if j == LAST else "")
+              for j in range(1, 6) for turn in QUARTERS]
     return [mistake for mistake in found + _coupled(data.cell.robot) if _possible(data, mistake)] + _robots(data)
 
 
@@ -42,8 +48,18 @@ def _possible(data: LoadTest, mistake: Mistake) -> bool:
     return bool(np.max(mended.cell.robot.limit_excess(mended.rows.theta)) <= BEYOND_LIMITS)
 
 
-def _angles(key: str, sentence: str, mended: Callable[[Array], Array], usual: bool = True) -> Mistake:
-    return table_mistake(key, sentence, SETTLES, lambda data: {"theta": mended(data.rows.theta)}, usual=usual)
+def _angles(
+    key: str, sentence: str, mended: Callable[[Array], Array], usual: bool = True, or_else: str = "",
+) -> Mistake:
+    return table_mistake(key, sentence, SETTLES + or_else, lambda data: {"theta": mended(data.rows.theta)}, usual=usual)
+
+
+def _or_turned_tool(data: LoadTest, mended: Callable[[Array], Array]) -> str:
+    """What else the same rows may say: axis 6 stands as it is written, and the tool is turned about it."""
+    robot, tool, zero = data.cell.robot, data.cell.flange_from_tcp, np.zeros((1, 6))
+    stands = forward(robot, zero, Frame.identity()).inverse() @ forward(robot, mended(zero), tool)
+    place = ", ".join(f"{value:.1f}" for value in 1e3 * stands.position[0] + 0.0)
+    return f"; where they agree the tool is turned about axis 6, and tool.position_mm should be [{place}]"
 
 
 def _order(columns: tuple[int, ...]) -> Callable[[Array], Array]:

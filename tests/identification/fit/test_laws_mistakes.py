@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
+from benchmarks.shop_arm import Arm
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes import judge, readings, units
 from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
@@ -66,6 +67,22 @@ def test_each_mix_up_of_the_axes_comes_round(data: LoadTest) -> None:
             assert np.isnan(turned.rows.deflection).sum() == np.isnan(gaps).sum()
         assert_allclose(turned.rows.wrench, rows.wrench)
         assert_allclose(turned.rows.deflection, gaps)
+
+
+def test_a_zero_of_axis_6_is_told_with_the_turned_tool_that_leaves_the_same_rows(data: LoadTest) -> None:
+    """By another arm: with the tool of the sentence it stands at q where it would with the tool as given at the mended q."""
+    told = {mistake.key: mistake.settles for mistake in joint_mistakes(data)}
+    q = np.radians([[20.0, 10, -15, 40, 60, 30], [-50.0, 30, 10, -80, -40, 100]])
+
+    def tcp(tool: NDArray[np.float64], turn: float) -> NDArray[np.float64]:
+        arm = Arm("irb6700-200-2.60", np.ones(6), (tool, np.eye(3)))
+        return arm.chain(q - np.radians([0, 0, 0, 0, 0, turn]))[0]
+
+    for turn in (90.0, -90.0, 180.0):
+        words = told[f"joint_zero[6 {turn:+.0f}]"].split("tool.position_mm should be [")[1].split("]")[0]
+        given = 1e3 * data.cell.flange_from_tcp.position
+        assert_allclose(tcp(np.array(words.split(","), float), 0.0), tcp(given, turn), atol=0.1)
+    assert not any("tool" in settles for key, settles in told.items() if "[6" not in key)
 
 
 def test_a_part_of_the_rows_is_mended_alone(data: LoadTest) -> None:
