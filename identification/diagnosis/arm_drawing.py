@@ -17,7 +17,7 @@ PARTS = {"base": (150, 268), "track": (150, 300), "link": (152, 134), "rod": (11
 COLUMN = 172
 # Of the links that may bend, by the joint they follow.
 LINKS = {2: PARTS["link"], 3: (256, 70)}
-OF_FAMILY = {"gear": "link", "structure": "link", "base": "base", "tool": "tool", "load path": "load",
+OF_FAMILY = {"gear": "robot", "structure": "link", "base": "base", "tool": "tool", "load path": "load",
              "force measurement": "force sensor", "deflection measurement": "deflection sensor"}
 # Effects, or one law of theirs, that sit at another place than their family; "": at their joint.
 OF_EFFECT = {"soft_track": "track", "parallelogram": "rod", "gravity_compensator": "spring",

@@ -33,9 +33,12 @@ def test_every_cause_has_a_place(name: str) -> None:
     ("base_rocking", None, "column", "column"), ("gravity_compensator", 2, "worn", "joint 2"),
     ("uneven_gear", 5, "worn", "joint 5"), ("link_bending", 2, "twist", "link 2"),
     ("force_misalignment", None, "flange", "force sensor"),
-    ("creep", None, "element", "all joints"), ("softening", None, "settling", "all joints")])
+    ("creep", None, "element", "all joints"), ("softening", None, "settling", "all joints"),
+    ("soft_gears", None, effects()["soft_gears"].law, "all joints"),
+    ("lost_motion", None, effects()["lost_motion"].law, "all joints")])
 def test_a_law_sits_where_it_does(name: str, joint: int | None, law: str, told: str) -> None:
-    """What the whole robot does had been marked at its lower arm, a worn gear at a compensator, a column as the floor."""
+    """What the whole robot or all gears do had been marked at the lower arm, a worn gear at a compensator, a column as the
+    floor."""
     picture = ET.fromstring(str(arm_drawing([cause(name, joint, law)], certain=True)))
     assert picture.get("aria-label") == f"The arm under test; marked: {told}"
     rings = {(int(one.get("cx")), int(one.get("cy"))) for one in picture.iter("circle") if one.get("r") == "21"}
