@@ -131,6 +131,17 @@ def test_slices_hold_the_volume_of_the_solid(tmp_path: Path) -> None:
         assert 1e9 * stock.volume == pytest.approx(truth, rel=0.004), kind
 
 
+@pytest.mark.parametrize("resolution", [0.7, 1.0, 1.25, 2.0])
+@pytest.mark.parametrize("kind", ["round", "hole", "leaning", "lying"])
+def test_a_sound_solid_is_cut_where_rows_of_the_grid_meet_its_corners(tmp_path: Path, kind: str, resolution: float) -> None:
+    """Rows at 1 mm pass through corners of a casting, at which two edges end that were cut from two triangles."""
+    faces, _ = blanks()[kind]
+    file = stock_of(tmp_path, binary(faces), f"units: mm\nresolution_mm: {resolution}\n")
+    stock = read_stock(file).stock(np.array([-49.9e-3]), 0.0)
+    holds = abs(np.sum(np.linalg.det(faces))) / 6e9
+    assert stock.volume == pytest.approx(holds, rel=0.02)
+
+
 def test_distances_are_those_to_the_nearest_edge(tmp_path: Path) -> None:
     """Every point of a round bar's grid: to a micrometre near the edge, to half a cell far from it."""
     faces, _ = blanks()["round"]
