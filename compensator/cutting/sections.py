@@ -48,7 +48,7 @@ def windings(edge: Array, out: Array, origin: Array, cell: float, ny: int, nx: i
     owner = np.repeat(np.arange(len(edge)), count)
     row = begin[owner] + np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
     a, b = edge[owner, 0], edge[owner, 1]
-    share = (origin[1] + cell * row - a[:, 1]) / np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
+    share = np.clip((origin[1] + cell * row - a[:, 1]) / np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1]), 0.0, 1.0)
     column = np.ceil(np.round((a[:, 0] + share * (b[:, 0] - a[:, 0]) - origin[0]) / cell, SAME)).astype(np.intp)
     change = np.zeros((ny, nx + 1), dtype=np.float32)
     np.add.at(change, (np.clip(row, 0, ny - 1), np.clip(column, 0, nx)), np.where(out[owner, 0] < 0, 1.0, -1.0))
