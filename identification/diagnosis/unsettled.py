@@ -29,6 +29,8 @@ FEWEST_VISITS = 4
 CANCEL = 2.0
 # So many repeated zero readings tell their own scatter.
 ENOUGH_ZEROS = 10
+# Readings of a computer scatter by less than so much of the sensor's variance.
+NOTHING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def unsettled_zero_of(fitted: Posterior) -> Unsettled | None:
     scatter = squares / np.maximum(degrees, 1)
     if degrees[0] < ENOUGH_ZEROS:
         scatter[0] = scatter[1]
-    variance = np.array([each.parts @ scatter for each in visits])
+    variance = np.maximum([each.parts @ scatter for each in visits], NOTHING)
     aside, sigma = (np.array([getattr(each, name) for each in visits]) for name in ("aside", "sigma"))
     larger = aside**2 / variance[:, None]
     rest = np.ones(len(visits), dtype=bool)
