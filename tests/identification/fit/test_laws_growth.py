@@ -20,6 +20,7 @@ from tests.support import CELL, measurement_text, random_poses, write_cell
 
 NOISE = "measurement: {deflection_std_um: [2, 2, 2], force_relative_std: 0.005, pose_offset_std_um: [3, 3, 3]}\n"
 LOADS = 21
+ROUNDS = 5
 # As many as the springs, the arm's weight and the residual have.
 COLUMNS = 17
 # What is held a further row [bytes]; it was 408 when this was last written, and 3342 while the products of all rows were held
@@ -61,15 +62,16 @@ def test_memory_grows_with_the_rows(tmp_path: Path) -> None:
 
 
 def test_time_of_validation_rows_grows_with_them(tmp_path: Path) -> None:
-    """CPU time of sixteen times the rows, 32 times at most: to hold each against all others takes over 50 times."""
+    """Least CPU time of sixteen times the rows, 32 times at most: to hold each against all others takes over 50 times."""
     _, rows = load_test(tmp_path, LOADS)
-    spent = []
-    for count in (240 * LOADS, 3840 * LOADS):
-        numbers = np.arange(count)
-        many = replace(rows, row=numbers, visit=numbers // LOADS)
-        start = time.process_time()
-        assert len(_single(many, numbers[::LOADS])) == count // LOADS
-        spent.append(time.process_time() - start)
+    spent = [np.inf, np.inf]
+    for _ in range(ROUNDS):             # of a few milliseconds the least is what it takes
+        for place, count in enumerate((240 * LOADS, 3840 * LOADS)):
+            numbers = np.arange(count)
+            many = replace(rows, row=numbers, visit=numbers // LOADS)
+            start = time.process_time()
+            assert len(_single(many, numbers[::LOADS])) == count // LOADS
+            spent[place] = min(spent[place], time.process_time() - start)
     assert spent[1] < 32 * spent[0]
 
 
