@@ -13,7 +13,7 @@ from compensator.correction.correct import Corrected
 from compensator.correction.predict import Predicted
 from compensator.forces.gaps import without_sample_in_cut
 from identification.common.added_targets import ADDED, added_text
-from identification.common.arrow import number_column, text_column
+from identification.common.arrow import arrow_csv, number_column, text_column
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -98,8 +98,8 @@ def _blocks(
     silent: Indices | None = None,
 ) -> Iterator[bytes]:
     import pyarrow as pa
-    from pyarrow import csv
 
+    csv = arrow_csv()
     toolpath, targets = predicted.path.toolpath, predicted.targets
     with np.errstate(over="ignore", invalid="ignore"):      # absurd feeds
         time = np.cumsum(predicted.path.move_time)

@@ -1,4 +1,5 @@
-"""Columns to and from Arrow by their buffers: its own conversions import pandas, which takes longer than many a file."""
+"""Arrow as it is used here: its CSV; and columns to and from it by their buffers, since its own conversions import pandas,
+which takes longer than many a file."""
 
 from __future__ import annotations
 
@@ -9,6 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
+
+
+def arrow_csv() -> Any:
+    """pyarrow.csv, which leaves Ctrl-C to this program: by itself its reader gives up at a signal, also at one that is only
+    noted until the program under way is finished."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    pa.enable_signal_handlers(False)
+    return csv
 
 
 def number_column(values: Array | NDArray[np.int64]) -> Any:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
-from identification.common.arrow import floats_of
+from identification.common.arrow import arrow_csv, floats_of
 from identification.common.findings import error
 from identification.common.sizes import LARGEST_CELL
 from identification.common.table_layout import BLANKS, Layout, cells_of
@@ -129,8 +129,8 @@ def _plain(block: bytes, layout: Layout, wanted: Sequence[str], decimal: str) ->
     if layout.separator == BLANKS or not block.isascii():
         return None
     import pyarrow as pa
-    from pyarrow import csv
 
+    csv = arrow_csv()
     place = {column: str(layout.names.index(column)) for column in wanted}
     try:
         table = csv.read_csv(
