@@ -44,10 +44,7 @@ def by_given_targets(log: ForceLog, path: RobotPath, added: AddedTargets) -> For
                    f"{written - planned} of them added, by {Path(added.source).name}): placed so along the planned one",
                    file=log.source)
     log = replace(log.on_stretches(start, end), findings=(*log.findings, note, *again))
-    if order is None or not (np.diff(order) < 0).any():
-        return log
-    # Time no longer goes forwards along the path.
-    return replace(log.rows(np.argsort(log.place, kind="stable")), time=None)
+    return log if order is None or (np.diff(order) > 0).all() else log.along_the_path()
 
 
 def _led_to(order: Indices | None, added: AddedTargets) -> NDArray[np.bool_]:

@@ -242,10 +242,7 @@ def in_text(log: ForceLog, key: Key, driven: DrivenPath) -> ForceLog:
     log = replace(log, place=place, findings=(*log.findings, _said(log, key, driven)))
     if not keep.all():
         log = log.rows(keep)
-    if (np.diff(driven.order) < 0).any():
-        # Time no longer goes forwards along the path.
-        log = replace(log.rows(np.argsort(place[keep], kind="stable")), time=None)
-    return log
+    return log.along_the_path() if (np.diff(driven.order) < 0).any() else log
 
 
 def _said(log: ForceLog, key: Key, driven: DrivenPath) -> Finding:

@@ -30,7 +30,6 @@ def round_of(scan: Scan, values: Values, loop: Loop, scope: Scope) -> Round | No
     words = words_of(scan.source, loop.head)
     spelled = [word.word for word in words]
     if (stop - first != 1 or loop.end is None or expr is None or expr.kind != "element" or len(words) not in (7, 12)
-            or [spelled[0], spelled[2], spelled[4], spelled[-1]] != ["for", "from", "to", "do"]
             or [item.name for item in expr.items if item.kind == "name"] != [spelled[1]] or len(expr.items) > 1):
         return None
     counted = len(words) == 12 and spelled[5:-1] == ["dim", "(", expr.name, ",", "1", ")"]

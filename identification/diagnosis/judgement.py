@@ -14,9 +14,8 @@ from identification.diagnosis.discrimination import NextLoad
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.power import Showing
+from identification.diagnosis.scatter import Scatter
 from identification.diagnosis.share import Share
-from identification.diagnosis.swing import Swing
-from identification.diagnosis.unsettled import Unsettled
 from identification.fit.mending import BadVisit
 from identification.fit.mistakes.judge import NamedMistake
 from identification.fit.noise import residual_std
@@ -103,7 +102,7 @@ class Judgement:
     share: Share | None = None
     carried: Posterior | None = None
     rivals: tuple[Rival, ...] = ()
-    scatters: tuple[Swing | Unsettled, ...] = ()
+    scatters: tuple[Scatter, ...] = ()
     tried: Posterior | None = None
     visits: VisitTest | None = None
     bad_visits: tuple[BadVisit, ...] = ()

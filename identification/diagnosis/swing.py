@@ -15,18 +15,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
 from identification.common.tails import chi2_tail
+from identification.diagnosis.scatter import Scatter
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import sensor_sigma
 from identification.fit.posterior import Posterior
 from identification.model.compliance import compliance_matrix
-from identification.model.effects import Effect
 from identification.model.effects.kinds import hanging, nothing_hangs
 from identification.model.effects.swinging_weight import SwingingWeight
 
@@ -45,43 +44,21 @@ FEWEST_VISITS = 4
 SMALLEST_LOG = -6.0
 
 
-@dataclass(frozen=True)
-class Swing:
-    """angle [rad]: 1 sigma of the load's direction in each of the two directions across; log_std: of its ln. p_value: of so
-    much by chance. largest [m]: 1 sigma of the tool's displacement it makes under the largest load."""
+class Swing(Scatter):
+    """size [rad]: 1 sigma of the load's direction in each of the two directions across; largest [m]: of the tool's displacement
+    under the largest load."""
 
-    angle: float
-    log_std: float
-    p_value: float
-    largest: float
-
-    effect: ClassVar[Effect] = EFFECT
-    code: ClassVar[str] = "CS1511"
-    rows: ClassVar[str] = "the rows"
-    short: ClassVar[str] = "WEIGHTS SWUNG"
+    effect, code, rows, short = EFFECT, "CS1511", "the rows", "WEIGHTS SWUNG"
 
     @property
     def sentence(self) -> str:
         """In plain words."""
-        return f"{EFFECT.sentence}: readings scatter as side forces of {100 * self.angle:.2g} % of the load make them"
-
-    @property
-    def line(self) -> str:
-        """As an answer."""
-        return f"{self.sentence} (up to {1e6 * self.largest:.0f} um, 1 sigma; it is scatter, and nothing is carried on)"
-
-    def as_dict(self) -> dict[str, Any]:
-        """A cause of diagnosis.json."""
-        parameter = EFFECT.parameters[0]
-        return {"effect": EFFECT.name, "joint": None, "probability": 1.0 - self.p_value, "family": EFFECT.family,
-                "of_robot": False, "sentence": self.sentence, "parameters": {parameter.name: {
-                    "estimate": self.angle, "std": self.angle * self.log_std, "unit": parameter.unit}},
-                "largest_um": 1e6 * self.largest}
+        return f"{EFFECT.sentence}: readings scatter as side forces of {100 * self.size:.2g} % of the load make them"
 
     def allowed_for(self, data: LoadTest, fitted: Posterior) -> LoadTest:
         """The same rows with the swing in their own sigmas."""
         across = _across(data, fitted.compliance, fitted.load_state.fall)
-        squared = sensor_sigma(data) ** 2 + self.angle**2 * np.diagonal(across, axis1=1, axis2=2)
+        squared = sensor_sigma(data) ** 2 + self.size**2 * np.diagonal(across, axis1=1, axis2=2)
         return data.with_rows(replace(data.rows, sigma=np.sqrt(squared)))
 
 

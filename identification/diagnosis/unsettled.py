@@ -7,17 +7,16 @@ readings meet: that place, by least squares over 1 and the force, against the me
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
 from identification.common.tails import f_tail
+from identification.diagnosis.scatter import Scatter
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import sensor_sigma
 from identification.fit.posterior import Posterior
-from identification.model.effects import Effect
 from identification.model.effects.unsettled_zero import UnsettledZero
 
 EFFECT = UnsettledZero()
@@ -33,41 +32,19 @@ ENOUGH_ZEROS = 10
 NOTHING = 1e-12
 
 
-@dataclass(frozen=True)
-class Unsettled:
-    """rest [m]: 1 sigma of each component by which the zero readings of a pose lie aside; log_std: of its ln. p_value: of so
-    much by chance."""
+class Unsettled(Scatter):
+    """size, largest [m]: 1 sigma of each component by which the zero readings of a pose lie aside."""
 
-    rest: float
-    log_std: float
-    p_value: float
-
-    effect: ClassVar[Effect] = EFFECT
-    code: ClassVar[str] = "CS1410"
-    rows: ClassVar[str] = "the zero readings"
-    short: ClassVar[str] = "ZERO READINGS LIE ASIDE"
+    effect, code, rows, short = EFFECT, "CS1410", "the zero readings", "ZERO READINGS LIE ASIDE"
 
     @property
     def sentence(self) -> str:
         """In plain words."""
-        return f"{EFFECT.sentence}, by {1e6 * self.rest:.2g} um"
-
-    @property
-    def line(self) -> str:
-        """As an answer."""
-        return f"{self.sentence} (1 sigma; it is scatter of what is read, and nothing is carried on)"
-
-    def as_dict(self) -> dict[str, Any]:
-        """A cause of diagnosis.json."""
-        parameter = EFFECT.parameters[0]
-        return {"effect": EFFECT.name, "joint": None, "probability": 1.0 - self.p_value, "family": EFFECT.family,
-                "of_robot": False, "sentence": self.sentence, "parameters": {parameter.name: {
-                    "estimate": self.rest, "std": self.rest * self.log_std, "unit": parameter.unit}},
-                "largest_um": 1e6 * self.rest}
+        return f"{EFFECT.sentence}, by {1e6 * self.size:.2g} um"
 
     def allowed_for(self, data: LoadTest, fitted: Posterior) -> LoadTest:
-        """The same rows with that in their noise."""
-        return replace(data, rest=self.rest)
+        """The same rows with that in the noise that a pose's zero readings share."""
+        return replace(data, rest=self.size)
 
 
 @dataclass(frozen=True)
@@ -103,7 +80,8 @@ def unsettled_zero_of(fitted: Posterior) -> Unsettled | None:
     size = float(np.sqrt(max(np.mean((aside**2 - variance[:, None]) * sigma**2), 0.0)))
     if size == 0.0 or by_chance(rest | True) > ALARM or by_chance(rest) > WITHOUT_ONE:
         return None
-    return Unsettled(size, float(np.sqrt(0.5 / larger.size) / max(1 - 1 / larger.mean(), 0.1)), by_chance(rest | True))
+    log_std = float(np.sqrt(0.5 / larger.size) / max(1 - 1 / larger.mean(), 0.1))
+    return Unsettled(size, log_std, by_chance(rest | True), size)
 
 
 def _visits(fitted: Posterior) -> list[_Visit]:

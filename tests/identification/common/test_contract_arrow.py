@@ -24,9 +24,9 @@ finally:
     ended.set()
 print(len(noted) > 0)
 """
-TABLE = """
-    from identification.common.tables import read_table
-    assert [len(read_table(sys.argv[1], required=("a",)).line) for _ in range(20)] == 20 * [20_000]
+LOG = """
+    from compensator.forces.log import read_force_log
+    assert [len(read_force_log(sys.argv[1]).place) for _ in range(10)] == 10 * [20_000]
 """
 PROGRAM = """
     from compensator.rapid import read_rapid
@@ -35,16 +35,15 @@ PROGRAM = """
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals between processes")
-@pytest.mark.parametrize("kind", ["table", "program"])
+@pytest.mark.parametrize("kind", ["log", "program"])
 def test_a_signal_that_is_noted_stops_no_reading(tmp_path: Path, kind: str) -> None:
     file = tmp_path / "long"
-    if kind == "table":
-        file.write_text("a,b\n" + "".join(f"{k},{k / 7:.6f}\n" for k in range(20_000)))
+    if kind == "log":
+        file.write_text("path_mm,fx_n,fy_n,fz_n\n" + "".join(f"{k / 10},{k / 7:.6f},1,2\n" for k in range(20_000)))
     else:
         file.write_text("MODULE m\nPROC main()\n" + "".join(
             f"MoveL [[{k},{k / 7:.3f},0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,z1,tool0;\n" for k in range(5_000))
             + "ENDPROC\nENDMODULE\n")
-    script = NOTED.replace("{read}", (TABLE if kind == "table" else PROGRAM).strip())
+    script = NOTED.replace("{read}", (LOG if kind == "log" else PROGRAM).strip())
     done = subprocess.run([sys.executable, "-c", script, file], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr

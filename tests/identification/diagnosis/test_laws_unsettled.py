@@ -68,7 +68,7 @@ def test_beside_a_cause_of_the_robot_the_noise_is_what_it_is() -> None:
     fitted = posterior(data, (term,))
     seen = unsettled_zero_of(fitted)
     assert seen is not None
-    assert abs(seen.rest - case.truth[1]["parameters"]["rest_m"]) < 3 * seen.rest * seen.log_std
+    assert abs(seen.size - case.truth[1]["parameters"]["rest_m"]) < 3 * seen.size * seen.log_std
     allowed = posterior(seen.allowed_for(data, fitted), (term,))
     assert abs(np.log(allowed.components.sensor)) < 0.2
     assert abs(np.log(allowed.components.sensor)) < abs(np.log(fitted.components.sensor))
@@ -90,7 +90,7 @@ def test_its_size_holds_and_nothing_is_seen_where_there_is_nothing(seed: int) ->
     case = simulate(seed, "ladder12", [Hidden("unsettled_zero", None, 3.0)])
     seen = seen_in(case)
     assert seen is not None
-    assert abs(seen.rest - case.truth[0]["parameters"]["rest_m"]) < 3 * seen.rest * seen.log_std
+    assert abs(seen.size - case.truth[0]["parameters"]["rest_m"]) < 3 * seen.size * seen.log_std
     assert seen_in(case, 1.0) is None
 
 
