@@ -30,9 +30,10 @@ RIGHT: dict[str, tuple[str, ...] | None] = {
     "bouc_wen": ("hysteresis",), "motor_inertia": ("motor_inertia",), "ripple_motor_turn": ("transmission_error",),
     "ripple_multiple": ("transmission_error",), "ripple_odd": ("transmission_error",), "eccentric": ("transmission_error",),
     "wrong_ratio": ("transmission_error",), "zero_shift": (), "load_friction": (), "torque_gain": (), "torque_zero": (),
-    "warming": None, "clock_jump": None, "zero_walks": None, "link_slips": None,
+    "clock_jump": ("lost_samples",), "link_slips": ("encoder_slip",), "crosstalk": ("torque_crosstalk",),
+    "warming": None, "zero_walks": None,
     # The torque's scale rises with the torque: the same column as a spring that does.
-    "torque_saturates": None, "torque_side": None, "torque_ripple": None, "crosstalk": None}
+    "torque_saturates": None, "torque_side": None, "torque_ripple": None}
 MEANT = {"torque_saturates": "soft_zone", "torque_ripple": "transmission_error"}       # the name with the very same columns
 # What moves the link as the motor lags behind also makes the torque lag: beside the first name the second is no mistake.
 BESIDE = {"late_motor": ("channel_delay(torque)",)}

@@ -70,4 +70,4 @@ def cause_words(label: str) -> str:
     name, _, place = label.partition("[")
     place = place.removesuffix("]")
     part = "link " if name == "link_bending" else "joint "
-    return name.replace("_", " ") + (f" of {part}{place}" if place.isdigit() else f" {place}".rstrip())
+    return name.strip().replace("_", " ") + (f" of {part}{place}" if place.isdigit() else f" {place}".rstrip())

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +16,7 @@ Array = NDArray[np.float64]
 class JointLog:
     """n samples of one joint, evenly spaced: time (n,) [s], torque (n,) on the gear side [N m], speed (n,) [rad/s],
     deflection (n,) motor minus link angle [rad], angle (n,) of the motor as a joint angle [rad]; compliance of its spring
-    [rad/(N m)]."""
+    [rad/(N m)]; others: torque (n,) [N m] of the other joints that the log has."""
 
     joint: int
     time: Array
@@ -24,6 +25,7 @@ class JointLog:
     deflection: Array
     angle: Array
     compliance: float
+    others: Mapping[int, Array] = field(default_factory=dict)
 
     @cached_property
     def step(self) -> float:

@@ -16,6 +16,10 @@ MOST_ORDER = 10
 # Samples for each coefficient of the autoregression, at least.
 SAMPLES_A_COEFFICIENT = 15
 ROUNDS = 4
+# Samples after which simulated noise has forgotten that it began at zero.
+RUN_IN = 200
+# Squares that a fit leaves, over those of least squares, from which on it has taken the signal for noise.
+FAR_MORE = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +38,10 @@ class Autoregression:
 
     def simulate(self, size: float, count: int, rng: np.random.Generator) -> Array:
         """Noise (count,) of this autoregression, the white part of standard deviation `size`."""
-        p, run_in = len(self.phi), 200
-        noise = (size * rng.standard_normal(count + run_in)).tolist()
-        weights = self.phi[::-1].tolist()
-        values = [0.0] * p
-        for value in noise:
-            values.append(value + sum(w * v for w, v in zip(weights, values[len(values) - p:], strict=True)))
-        return np.array(values[-count:])
+        from scipy.signal import lfilter
+
+        white = size * rng.standard_normal(count + RUN_IN)
+        return np.asarray(lfilter([1.0], np.concatenate([[1.0], -self.phi]), white)[-count:])
 
     def worth(self, count: int) -> float:
         """How many independent samples `count` of them are worth for their mean."""
@@ -84,11 +85,20 @@ def fitted_autoregression(residuals: list[Array]) -> Autoregression:
 
 
 def noise_beside(columns: list[Array], deflection: list[Array]) -> Autoregression:
-    """The noise's autoregression where the model's columns (n, p) are fitted to the deflections (n,) of each record."""
-    noise = Autoregression(np.zeros(0))
+    """The noise's autoregression where the model's columns (n, p) are fitted to the deflections (n,) of each record.
+
+    A few waves are an autoregression as well as any noise: a fit that leaves far more than least squares do has taken the
+    signal for noise, and is not followed.
+    """
+    noise, least = Autoregression(np.zeros(0)), np.inf
     for _ in range(ROUNDS):
         white_columns = np.concatenate([noise.whiten(part) for part in columns])
         white_deflection = np.concatenate([noise.whiten(part[:, None])[:, 0] for part in deflection])
         coefficients = np.linalg.lstsq(white_columns, white_deflection, rcond=1e-10)[0]
-        noise = fitted_autoregression([y - x @ coefficients for x, y in zip(columns, deflection, strict=True)])
+        left = [y - x @ coefficients for x, y in zip(columns, deflection, strict=True)]
+        squares = sum(float(part @ part) for part in left)
+        if squares > FAR_MORE * least:
+            break
+        least = min(least, squares)
+        noise = fitted_autoregression(left)
     return noise

@@ -12,6 +12,7 @@ from identification.common.arrays import read_only
 from identification.common.quantities import cause_words
 from identification.motion.axis import Axis
 from identification.motion.causes import LogCause
+from identification.motion.leaps import Leap
 from identification.motion.log_file import MotionLog
 from identification.motion.prediction import Gain
 from identification.motion.remainder import Remainder
@@ -30,8 +31,8 @@ class AxisDiagnosis:
     """One joint. named: the hypothesis of the certain causes only, which the gain is about. causes: certain; alternatives:
     others, the likeliest first. explained: share of the misfit's variance that `named` takes away, under the band. deflection
     (n,), residuals (n, 2) [rad]: of plain and extended model, fitted, at full rate. withdrawn: names that do not predict.
-    transmission: what repeats with the angle, named or not; zeros: shifts of the zero between records; records: what was
-    fitted."""
+    transmission: what repeats with the angle, named or not; leaps: what happened at one moment of a record; zeros: shifts of
+    the zero between records; records: what was fitted, without the leaps."""
 
     axis: Axis
     verdict: Verdict
@@ -44,6 +45,7 @@ class AxisDiagnosis:
     residuals: Array
     transmission: Transmission
     records: tuple[MotionLog, ...]
+    leaps: tuple[Leap, ...] = ()
     zeros: tuple[ZeroShift, ...] = ()
     causes: tuple[LogCause, ...] = ()
     alternatives: tuple[LogCause, ...] = ()
@@ -81,6 +83,7 @@ class AxisDiagnosis:
             "left": self.left.as_dict(), "stiffness": self.stiffness.as_dict(),
             "transmission_error": self.transmission.as_dict(list(self.records)),
             "zero_shifts": [zero.as_dict() for zero in self.zeros],
+            "leaps": [leap.as_dict() for leap in self.leaps],
         }
 
     def lines(self) -> list[str]:

@@ -7,8 +7,12 @@ records a fit over the full band finds c = 0). Filtering both sides of a linear 
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
+
+from identification.common.arrays import read_only
 
 Array = NDArray[np.float64]
 # Hz. A choice, made after looking at the public KUKA records (docs/real-data.md says how much hangs on it); no document.
@@ -22,21 +26,44 @@ def low_pass(columns: Array, rate: float, band: float = BAND) -> Array:
 
     A log that is slower than the band needs comes back as it is.
     """
-    step = int(rate / (band * KEPT))
-    if step < 1 or rate < 2.5 * band:
+    step = _kept_every(rate, band)
+    if not step:
         return columns
-    half = int(np.ceil(2.0 * rate / band))
-    place = np.arange(-half, half + 1)
-    kernel = np.sinc(2 * band / rate * place) * np.blackman(2 * half + 3)[1:-1]
-    kernel /= kernel.sum()
+    kernel = _kernel(rate, band)
     # Only what is kept is filtered; the kernel is the same from both ends.
     return np.asarray(np.lib.stride_tricks.sliding_window_view(columns, len(kernel), axis=0)[::step] @ kernel)
 
 
 def thinned(values: Array, rate: float, band: float = BAND) -> Array:
     """The values (n,) at the samples that `low_pass` keeps."""
-    step = int(rate / (band * KEPT))
-    if step < 1 or rate < 2.5 * band:
+    step = _kept_every(rate, band)
+    if not step:
         return values
-    half = int(np.ceil(2.0 * rate / band))
+    half = len(_kernel(rate, band)) // 2
     return values[half: len(values) - half: step]
+
+
+def passed_step(since: Array, rate: float, band: float = BAND) -> Array:
+    """What `low_pass` makes of a step from 0 to 1, so many seconds (...) after it."""
+    if not _kept_every(rate, band):
+        return np.asarray(since >= 0, dtype=float)
+    kernel = _kernel(rate, band)
+    place = np.arange(-1, len(kernel)) - len(kernel) // 2
+    return np.asarray(np.interp(since * rate, place, np.concatenate([[0.0], np.cumsum(kernel)])))
+
+
+def _kept_every(rate: float, band: float) -> int:
+    """Every how many samples one is kept; 0 where the log is slower than the band needs."""
+    step = int(rate / (band * KEPT))
+    return 0 if rate < 2.5 * band else step
+
+
+@lru_cache(maxsize=32)
+def _kernel(rate: float, band: float) -> Array:
+    """The filter, symmetric, of sum one; kept, since every column asks for it."""
+    half = int(np.ceil(2.0 * rate / band))
+    place = np.arange(-half, half + 1)
+    kernel: Array = np.sinc(2 * band / rate * place) * np.blackman(2 * half + 3)[1:-1]
+    kernel /= kernel.sum()
+    read_only(kernel)
+    return kernel

@@ -13,6 +13,7 @@ from identification.common.quantities import parameter_words, quantity, two_sigm
 from identification.model.effects.transmission_error import TransmissionError
 from identification.motion.axis import Axis
 from identification.motion.dictionary import Shape
+from identification.motion.leaps import KINDS, Leap
 from identification.motion.lines import shared
 from identification.motion.log_file import MotionLog
 from identification.motion.search import Hypothesis
@@ -50,7 +51,7 @@ class LogCause:
             late = "behind" if self.values[0] > 0 else "ahead of"
             return (f"the link encoders were recorded {late} the motor encoders: what looks like deflection is distance "
                     "travelled")
-        return effect.sentence.format(joint=self.joint)
+        return effect.told(self.joint)
 
     @property
     def estimates(self) -> str:
@@ -114,6 +115,19 @@ def transmission_cause(axis: Axis, hypothesis: Hypothesis, found: Transmission, 
         told.append(f"a smooth part of {1e6 * values[0]:.0f} urad RMS over {np.degrees(np.ptp(axis.angle)):.0f} deg")
     return LogCause(TRANSMISSION, axis.joint, 1 - p_value, values, std,
                     f"{' and '.join(told)}, found again in {found.again_on}")
+
+
+def leap_causes(leaps: tuple[Leap, ...]) -> tuple[LogCause, ...]:
+    """One cause for all leaps of a kind: its parameters are those of the largest."""
+    causes = []
+    for kind in KINDS:
+        of_kind = [leap for leap in leaps if leap.effect is kind]
+        if of_kind:
+            largest = max(of_kind, key=lambda leap: abs(leap.size))
+            shape = Shape(kind, largest.values, (), np.empty((0, 0)), False, ())
+            causes.append(LogCause(shape, largest.joint, 1 - max(leap.p_value for leap in of_kind), largest.values,
+                                   np.array([largest.std, np.nan]), "; ".join(leap.words for leap in of_kind)))
+    return tuple(causes)
 
 
 def over_joints(causes: Iterable[LogCause]) -> list[list[LogCause]]:

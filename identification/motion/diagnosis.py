@@ -57,6 +57,7 @@ class JointLogDiagnosis:
             if alone:
                 findings.append(Finding("CS1611", "note", f"joint {axis.joint}: what repeats {', '.join(alone)} times a turn "
                                         f"is not found again in {axis.transmission.again_on}: it is not named", file=source))
+            findings += [leap.finding for leap in axis.leaps]
             findings += [Finding("CS1610", "warning", zero.sentence, file=zero.record, hint=HINT)
                          for zero in axis.zeros if zero.moved]
         if self.verdict == "unknown":

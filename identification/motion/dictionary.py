@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from identification.model.effects import Effect, effects
 from identification.model.effects.channel_delay import ChannelDelay
+from identification.model.effects.encoder_slip import EncoderSlip
+from identification.model.effects.lost_samples import LostSamples
+from identification.model.effects.torque_crosstalk import TorqueCrosstalk
 from identification.model.effects.transmission_error import OnceATurn, TransmissionError
 from identification.model.joint_log import JointLog
 from identification.motion.band import low_pass
@@ -36,6 +39,8 @@ ALWAYS = ("channel_delay (link)", "joint_friction", "motor_inertia")
 WIDER, NARROWER, LEAST = (1.0, 4.0, 16.0), (1 / 64, 1 / 16, 1 / 4), 0.01
 # Friction inside a gear takes energy from the motion: the twist lags behind the torque, it never runs ahead.
 LAGS = ("hysteresis",)
+# Effects that are searched for by themselves, or offered by a rule of their own.
+BY_THEMSELVES = (ChannelDelay.name, TransmissionError.name, EncoderSlip.name, LostSamples.name, TorqueCrosstalk.name)
 # Laws of which a log can tell one at most: two of a gear's compliance only mend each other's, and a torque that was recorded
 # early looks like a gear that is damped.
 EXCLUSIVE = ({"backlash", "soft_zone"}, {"gear_damping", "channel_delay (torque)"})
@@ -72,17 +77,18 @@ class Shape:
 
 
 def catalogue(only: tuple[str, ...] = (), *, over_angle: bool = False) -> list[Effect]:
-    """The effects that show in logs; the delay once for each channel. The transmission error is searched for by itself;
-    over_angle: where none was found, one once a turn stands for it beside the others, so that none of them is named for it."""
+    """The effects that show in logs; the delay once for each channel. over_angle: where no transmission error was found again,
+    one once a turn stands for it beside the others, so that none of them is named for it."""
     shown = [effect for effect in effects().values() if type(effect).log_contribution is not Effect.log_contribution
-             and effect.name not in (ChannelDelay.name, TransmissionError.name)]
+             and effect.name not in BY_THEMSELVES]
     offered = [ChannelDelay("link"), ChannelDelay("torque"), *shown, *([OnceATurn()] if over_angle else [])]
     return [effect for effect in offered if not only or label(effect) in only]
 
 
 def label(effect: Effect) -> str:
-    """The effect, and which channel it is about: channel_delay (link)."""
-    return f"{effect.name} ({effect.where['channel']})" if "channel" in effect.where else effect.name
+    """The effect, and which channel or other joint it is about: channel_delay (link)."""
+    about = [str(effect.where[key]) for key in ("channel", "torque_of") if key in effect.where]
+    return f"{effect.name} ({about[0]})" if about else effect.name
 
 
 def shapes(logs: list[JointLog], rates: list[float], band: float, offered: list[Effect]) -> list[list[Shape]]:

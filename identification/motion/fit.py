@@ -16,6 +16,7 @@ from identification.model.gravity import fall_in_base
 from identification.model.stiffness import IdentifiedModel
 from identification.motion.band import BAND
 from identification.motion.causes import LogCause
+from identification.motion.leaps import find_leaps, without
 from identification.motion.log_file import MotionLog, check_distinct
 from identification.motion.stiffness import DISAGREE, AxisStiffness, axis_stiffness, log_posterior
 from identification.motion.transmission import find_transmission
@@ -62,8 +63,14 @@ def fit_joint_logs(cell: Cell, logs: Sequence[MotionLog]) -> JointLogFit:
     """
     check_distinct(logs)
     numbers = sorted({joint for log in logs for joint in log.joints})
-    joints = tuple(axis_stiffness(joint, list(logs), find_transmission(joint, list(logs), None)) for joint in numbers)
-    return JointLogFit(cell, tuple(logs), identified_model(cell, joints, logs), joints, stiffness_findings(logs, joints))
+    leaps = {joint: find_leaps(joint, logs) for joint in numbers}
+    joints = tuple(_stiffness(joint, without(leaps[joint], list(logs))) for joint in numbers)
+    findings = (*stiffness_findings(logs, joints), *(leap.finding for joint in numbers for leap in leaps[joint]))
+    return JointLogFit(cell, tuple(logs), identified_model(cell, joints, logs), joints, findings)
+
+
+def _stiffness(joint: int, records: list[MotionLog]) -> AxisStiffness:
+    return axis_stiffness(joint, records, find_transmission(joint, records, None))
 
 
 def identified_model(

@@ -44,7 +44,8 @@ class MotionLog:
         """The samples from start to stop."""
         part = slice(start, stop)
         joints = {k: JointLog(k, log.time[part], log.torque[part], log.speed[part], log.deflection[part], log.angle[part],
-                              log.compliance) for k, log in self.joints.items()}
+                              log.compliance, {j: torque[part] for j, torque in log.others.items()})
+                  for k, log in self.joints.items()}
         return MotionLog(self.source, self.time[part], joints, ())
 
     def less(self, joint: int, error: Array) -> MotionLog:
@@ -104,7 +105,8 @@ def read_motion_log(file: str | Path) -> MotionLog:
         angle = np.radians(columns[f"q{k}_motor_deg"])
         speed = np.gradient(angle, time)
         deflection = angle - np.radians(columns[f"q{k}_link_deg"])
-        logs[k] = JointLog(k, time, columns[f"q{k}_torque_nm"], speed, deflection, angle, 1.0)
+        others = {j: columns[f"q{j}_torque_nm"] for j in joints if j != k}
+        logs[k] = JointLog(k, time, columns[f"q{k}_torque_nm"], speed, deflection, angle, 1.0, others)
         logged = columns.get(f"q{k}_speed_deg_s")
         lag = 0.0 if logged is None else _lag(np.radians(logged), speed)
         if abs(lag) >= WORTH_SAYING:

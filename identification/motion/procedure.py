@@ -16,14 +16,17 @@ from identification.model.effects.transmission_error import TransmissionError
 from identification.motion.axis import Axis, Solved, axis_of, solve, straight_line
 from identification.motion.axis_diagnosis import AxisDiagnosis
 from identification.motion.band import BAND
-from identification.motion.causes import LogCause, cause_of, transmission_cause
+from identification.motion.causes import LogCause, cause_of, leap_causes, transmission_cause
+from identification.motion.crosstalk import with_crosstalk
 from identification.motion.inner_friction import without_torque_noise
+from identification.motion.leaps import find_leaps, without
 from identification.motion.log_file import MotionLog
 from identification.motion.prediction import held_out, model_columns
+from identification.motion.proxies import stands_for_torque, without_proxies
 from identification.motion.remainder import Remainder, remainder
 from identification.motion.search import Hypothesis, fitted, survey
 from identification.motion.stiffness import axis_stiffness
-from identification.motion.transmission import Transmission, find_transmission
+from identification.motion.transmission import ODDS, Transmission, evidence_beside, find_transmission
 from identification.motion.zeros import zero_shifts
 
 Array = NDArray[np.float64]
@@ -41,10 +44,12 @@ GROSS = 4.0
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """At full rate (n,) [rad]: the deflection as it was measured, and what the straight line leaves of it."""
+    """At full rate (n,) [rad]: the deflection as it was measured, and what the straight line leaves of it. cleared: whether
+    something was taken out of the records before the causes were asked for."""
 
     deflection: Array
     beside_line: Array
+    cleared: bool
 
 
 def diagnose_axes(
@@ -63,14 +68,20 @@ def diagnose_axes(
 
 
 def _axis(
-    joint: int, records: list[MotionLog], validate: MotionLog | None, alarm: float, replicates: int, rng: np.random.Generator
+    joint: int, measured_records: list[MotionLog], validate: MotionLog | None, alarm: float, replicates: int,
+    rng: np.random.Generator,
 ) -> AxisDiagnosis:
-    whole, found = axis_of(joint, records, BAND), _needed(find_transmission(joint, records, validate), records)
+    whole = axis_of(joint, measured_records, BAND)
+    leaps = find_leaps(joint, [*measured_records, *([] if validate is None else [validate])])
+    records = without(leaps, measured_records)
+    validate = None if validate is None else without(leaps, [validate])[0]
+    found = _needed(find_transmission(joint, records, validate), records)
     cleaned, smooth = found.cleaned(records), found.smooth_over(records)
-    axis = without_torque_noise(axis_of(joint, cleaned, BAND, smooth) if found.named else whole)
+    axis = without_torque_noise(axis_of(joint, cleaned, BAND, smooth) if found.named or leaps else whole)
+    axis = with_crosstalk(without_proxies(axis))
     raw = axis_of(joint, cleaned, np.inf, smooth)
-    line = np.concatenate([record.joints[joint].deflection for record in records if joint in record.joints])
-    measured = _Measured(line, line - raw.spring @ straight_line(whole))
+    line = np.concatenate([record.joints[joint].deflection for record in measured_records if joint in record.joints])
+    measured = _Measured(line, line - raw.spring @ straight_line(whole), found.named or bool(leaps))
     p_value = detection(axis, replicates, rng)
     hypotheses = survey(axis)
     plain = _of_entries(hypotheses, set())
@@ -82,20 +93,22 @@ def _axis(
     answer = AxisDiagnosis(
         axis=axis, verdict="unknown" if left.patterns else "adequate", p_value=min(p_value, found.p_value),
         hypotheses=hypotheses, named=named, left=left, stiffness=stiffness, deflection=measured.deflection,
-        residuals=_residuals(raw, named, measured, found.named), withdrawn=withdrawn, transmission=found,
-        records=tuple(records),
+        residuals=_residuals(raw, named, measured), withdrawn=withdrawn, transmission=found,
+        leaps=leaps, records=tuple(records),
         zeros=zero_shifts(joint, named, found, [*records, *([] if validate is None else [validate])]))
-    if not misfit and not found.named:
+    if not misfit and not found.named and not leaps:
         return answer
     causes, alternatives = _causes(axis, hypotheses, named) if misfit else ((), ())
     if found.named:
         alternatives = tuple(cause for cause in alternatives if cause.shape.name != TransmissionError.name)
         causes = (*causes, transmission_cause(axis, named, found, records))
+    predicting, causes = bool(causes), (*causes, *leap_causes(leaps))
     before, after = whole.deflection - whole.plain @ solve(whole, whole.plain).coefficients, _left(axis, named)
     explained = 1 - float(np.var(after) / np.var(before))
     nearly = explained >= NEARLY_ALL and np.var(before) >= GROSS * np.var(after)
     if causes and (nearly or not left.patterns):
-        gain = held_out(joint, BAND, named, found, records, validate)[0]
+        # What happened at one moment predicts no other.
+        gain = held_out(joint, BAND, named, found, records, validate)[0] if predicting else None
         return replace(answer, verdict="named", causes=causes, alternatives=alternatives, explained=explained, gain=gain)
     # Nothing is certain: a set of names where the likeliest of them leaves no pattern, else unknown.
     best = hypotheses[0]
@@ -105,14 +118,25 @@ def _axis(
 
 
 def _needed(found: Transmission, records: list[MotionLog]) -> Transmission:
-    """The transmission error without a smooth part that other causes of the dictionary do as well."""
-    if found.smooth is None:
+    """The transmission error without a smooth part that other causes of the dictionary do as well, or that is the torque's."""
+    smooth = found.smooth_over(records)
+    if smooth is None:
         return found
     axis = axis_of(found.joint, found.cleaned(records), BAND)
-    names = [group[0].name for group in axis.dictionary]
-    if TransmissionError.name in names and _at_work(survey(axis), names.index(TransmissionError.name)) < WORTH_KEEPING:
+    if stands_for_torque(axis, smooth):
         return replace(found, smooth_test=None)
-    return found
+    axis = with_crosstalk(axis)
+    hypotheses = survey(axis)
+    names = [group[0].name for group in axis.dictionary]
+    if smooth.bend > 1:
+        # No single wave of the dictionary stands for it.
+        others = next(hypothesis for hypothesis in hypotheses if TransmissionError.name not in hypothesis.names)
+        beside = replace(axis, smooth=smooth)
+        needed = evidence_beside(beside, smooth, others.columns(axis), np.array([smooth.size]))[0] > np.log(ODDS)
+    else:
+        needed = (TransmissionError.name not in names
+                  or _at_work(hypotheses, names.index(TransmissionError.name)) >= WORTH_KEEPING)
+    return found if needed else replace(found, smooth_test=None)
 
 
 def _of_entries(hypotheses: Hypotheses, entries: set[int]) -> Hypothesis | None:
@@ -197,14 +221,14 @@ def _left(axis: Axis, hypothesis: Hypothesis) -> Array:
     return np.asarray(axis.deflection - hypothesis.columns(axis) @ hypothesis.solved.coefficients)
 
 
-def _residuals(raw: Axis, hypothesis: Hypothesis, measured: _Measured, extended: bool) -> Array:
+def _residuals(raw: Axis, hypothesis: Hypothesis, measured: _Measured) -> Array:
     """Full-rate residuals (n, 2) of the plain straight line and of the extended model."""
-    if not hypothesis.entries and not extended:
+    if not hypothesis.entries and not measured.cleared:
         return np.column_stack([measured.beside_line, measured.beside_line])
     return np.column_stack([measured.beside_line,
                             raw.deflection - model_columns(raw, hypothesis) @ hypothesis.solved.coefficients])
 
 
 def _remainder(axis: Axis, raw: Axis, hypothesis: Hypothesis, measured: _Measured) -> Remainder:
-    full = _residuals(raw, hypothesis, measured, axis.smooth is not None)[:, 1]
+    full = _residuals(raw, hypothesis, measured)[:, 1]
     return remainder(axis, _left(axis, hypothesis), raw.parts(full))

@@ -1,8 +1,10 @@
-"""Smooth: the slow part of an error that repeats with the joint's angle, as harmonics of the joint's turn.
+"""Smooth: the slow part of an error that repeats with the joint's angle, as waves over it.
 
-Harmonic h of the turn has a cosine and a sine of standard deviation size / h^2 before the data: what an eccentric ring makes is
-large, what wiggles is small. A log visits a part of the turn only, so a few combinations of the harmonics say all; outside the
-angles visited they go on as harmonics do, not as polynomials.
+A wave that comes n times a turn has a cosine and a sine of the same standard deviation before the data. Waves of the whole turn
+(n = 1, 2, 3 ...) fall as 1 / n^2: what an eccentric ring makes is large, what wiggles is small. Where a log stays within a few
+degrees an error may go up and down there more than once: then waves of four times the angles visited are as large as one
+another up to `bend` cycles a turn, and fall from there on. A log visits a part of the turn only, so a few combinations of the
+waves say all; outside the angles visited they go on as waves do, not as polynomials.
 """
 
 from __future__ import annotations
@@ -13,34 +15,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-HARMONICS = 24
+WAVES = 24
 # A combination counts from this root mean square over the angles visited on, per unit of `size`.
 LEAST = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Smooth:
-    """mix (2 HARMONICS, k): the combinations; size [rad]: standard deviation of the coefficients before the data."""
+    """cycles (w,): of the waves, a turn; mix (2 w, k): the combinations; size [rad]: standard deviation of the coefficients
+    before the data; bend: cycles a turn from which on they fall."""
 
+    cycles: Array
     mix: Array
     size: float
+    bend: float
 
     def columns(self, angle: Array) -> Array:
         """The combinations (n, k) at joint angles (n,) [rad]."""
-        return np.asarray(_harmonics(angle) @ self.mix)
+        return np.asarray(_waves(angle, self.cycles, self.bend) @ self.mix)
 
 
-def smooth_over(angle: Array, size: float) -> Smooth:
+def smooth_over(angle: Array, size: float, bend: float = 1.0) -> Smooth:
     """The combinations that angles (n,) [rad] can tell apart; a constant belongs to the zero, not to them."""
-    visited = _harmonics(angle)
+    cycles = np.arange(1.0, WAVES + 1) * (1.0 if bend <= 1 else 2 * np.pi / (4 * max(float(np.ptp(angle)), 1e-6)))
+    visited = _waves(angle, cycles, bend)
     _, spread, mix = np.linalg.svd((visited - visited.mean(axis=0)) / np.sqrt(len(angle)), full_matrices=False)
-    return Smooth(mix[spread > LEAST].T, size)
+    return Smooth(cycles, mix[spread > LEAST].T, size, bend)
 
 
-def _harmonics(angle: Array) -> Array:
-    order = np.arange(1.0, HARMONICS + 1)
-    turns = np.column_stack([np.cos(angle[:, None] * order), np.sin(angle[:, None] * order)])
-    return np.asarray(turns / np.tile(order, 2) ** 2)
+def _waves(angle: Array, cycles: Array, bend: float) -> Array:
+    turns = np.column_stack([np.cos(angle[:, None] * cycles), np.sin(angle[:, None] * cycles)])
+    return np.asarray(turns / np.tile(np.maximum(cycles / bend, 1.0), 2) ** 2)
 
 
 def log_evidence(white: Array, base: Array, deflection: Array, variance: float, sizes: Array) -> Array:

@@ -3,10 +3,11 @@
     deflection = offset + c (torque - F_c sign(speed) - F_v speed - J acceleration) + delay speed
 
 The motor's inertia, its friction and the encoders' delay are there in any motion, so they are always in the model; viscous
-friction and the delay share one column and are not told apart. Where the data speak for a gear that is not linear, or for
-friction inside it, c is averaged over both readings by their evidence. What is left of the torque beside these tells c. The
-interval has two parts: the noise, by generalised least squares, and the law: how far c moves when the band is changed, a
-deviation that follows the joint's angle is allowed, or the gear is linear or not.
+friction and the delay share one column and are not told apart. Where the log speaks for it, the torque of another joint is in
+it, too. Where the data speak for a gear that is not linear, or for friction inside it, c is averaged over both readings by
+their evidence. What is left of the torque beside these tells c. The interval has two parts: the noise, by generalised least
+squares, and the law: how far c moves when the band is changed, a deviation that follows the joint's angle is allowed, or the
+gear is linear or not.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ from identification.common.quantities import two_sigma
 from identification.model.robot import Prior
 from identification.motion.axis import Axis, Solved, axis_of, solve, straight_line
 from identification.motion.band import BAND
+from identification.motion.crosstalk import crosstalk
 from identification.motion.dictionary import ALWAYS, Shape
 from identification.motion.log_file import MotionLog
+from identification.motion.proxies import without_proxies
 from identification.motion.remainder import angle_columns
 from identification.motion.transmission import Transmission
 
@@ -132,9 +135,11 @@ def _from(joint: int, records: list[MotionLog], transmission: Transmission) -> A
     central, delay, noise, values = 0.0, (0.0, 0.0), 0.0, []
     share = worth = np.nan
     samples = 0
+    others = crosstalk(without_proxies(axis_of(joint, records, BAND, smooth)))
     for band in BANDS:
         axis = axis_of(joint, records, band, smooth)
-        base = np.column_stack([axis.plain, *(shape.columns[:, :1] for shape in _always(axis))])
+        base = np.column_stack([axis.plain, *(shape.columns[:, :1] for shape in _always(axis)),
+                                *(shape.on(axis.logs, axis.rates, band) for shape in others)])
         place = len(axis.lengths)
         by_law = [solve(axis, np.column_stack([base, *extra])) for extra in _laws(axis, base)]
         readings = list(by_law)

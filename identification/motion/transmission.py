@@ -16,7 +16,7 @@ from identification.motion.axis import Axis, axis_of, solve, straight_line
 from identification.motion.band import BAND
 from identification.motion.blocks import ratio_interval
 from identification.motion.dictionary import ALWAYS, Shape
-from identification.motion.lines import Complex, Line, fitted, found_again, lines_at, search, session, shared
+from identification.motion.lines import LEAST_SPAN, Complex, Line, fitted, found_again, lines_at, search, session, shared
 from identification.motion.log_file import MotionLog
 from identification.motion.smooth import Smooth, log_evidence, smooth_over
 
@@ -24,8 +24,10 @@ Array = NDArray[np.float64]
 # Share of a single record that is searched, and of what has to agree at its other end; shorter records are not searched [s].
 PART = 0.45
 SHORTEST = 6.0
-# Sizes of the smooth part that are tried [rad], and the odds from which on it is looked for where it was not fitted.
-SIZES = np.geomspace(5e-5, 2e-3, 9)
+# Sizes of the smooth part that are tried [rad], of waves of the whole turn and of finer ones; these fall from so many waves in
+# the angles visited on. The odds from which on it is looked for where it was not fitted.
+SIZES, FINER = np.geomspace(5e-5, 2e-3, 9), np.geomspace(5e-7, 2e-4, 9)
+BENDS = (0.5, 1.0, 2.0)
 ODDS = 20.0
 # It must better the prediction by this ratio: a gear's law that is left out imitates it, up to 1.12 in simulated logs.
 LEAST_GAIN = 1.25
@@ -75,7 +77,7 @@ class Transmission:
         if self.smooth is None:
             return None
         angles = [record.joints[self.joint].angle for record in records if self.joint in record.joints]
-        return smooth_over(np.concatenate(angles), self.smooth.size)
+        return smooth_over(np.concatenate(angles), self.smooth.size, self.smooth.bend)
 
     @property
     def named(self) -> bool:
@@ -184,18 +186,32 @@ def _each_cleaned(found: Transmission, records: list[MotionLog]) -> list[MotionL
 
 
 def _smooth_test(joint: int, searched: list[MotionLog], others: list[MotionLog]) -> SmoothTest | None:
-    smooth = smooth_over(np.concatenate([record.joints[joint].angle for record in searched]), 1.0)
-    axis = axis_of(joint, searched, BAND, smooth)
-    if smooth.mix.shape[1] == 0 or len(axis.torque) < 2 * axis.widest.shape[1]:
+    """Waves of the whole turn, or finer ones: those that predict, of both the likelier where they were fitted."""
+    coarse = _tested(joint, searched, others, SIZES, (1.0,))
+    span = float(np.ptp(np.concatenate([record.joints[joint].angle for record in searched])))
+    if span < LEAST_SPAN:
+        return coarse
+    finer = _tested(joint, searched, others, FINER, tuple(2 * np.pi * share / span for share in BENDS))
+    if finer is None or not finer.confirmed:
+        return coarse
+    return finer if coarse is None or not coarse.confirmed or finer.log_odds > coarse.log_odds else coarse
+
+
+def _tested(
+    joint: int, searched: list[MotionLog], others: list[MotionLog], sizes: Array, bends: tuple[float, ...]
+) -> SmoothTest | None:
+    angle = np.concatenate([record.joints[joint].angle for record in searched])
+    tried = [smooth_over(angle, 1.0, bend) for bend in bends]
+    axis = axis_of(joint, searched, BAND, tried[-1])
+    if min(smooth.mix.shape[1] for smooth in tried) == 0 or len(axis.torque) < 2 * axis.widest.shape[1]:
         return None
     always = [group[0] for group in axis.dictionary if group[0].name in ALWAYS]
-    base = axis.whiten(_beside(replace(axis, smooth=None), always))
-    evidence = log_evidence(axis.whiten(smooth.columns(axis.angle)), base / np.linalg.norm(base, axis=0),
-                            axis.white_deflection, axis.white_variance, SIZES)
-    odds = float(np.logaddexp.reduce(evidence) - np.log(len(SIZES)))
+    evidence = np.array([evidence_beside(axis, smooth, _beside(replace(axis, smooth=None), always), sizes) for smooth in tried])
+    odds = float(np.logaddexp.reduce(evidence, axis=None) - np.log(evidence.size))
     if odds < np.log(ODDS):
         return None
-    smooth = replace(smooth, size=float(SIZES[int(np.argmax(evidence))]))
+    bend, size = np.unravel_index(int(np.argmax(evidence)), evidence.shape)
+    smooth = replace(tried[bend], size=float(sizes[size]))
     left: list[list[Array]] = [[], []]
     tested = [axis_of(joint, [record], BAND) for record in others]
     for parts, model in zip(left, (None, smooth), strict=True):
@@ -210,6 +226,13 @@ def _smooth_test(joint: int, searched: list[MotionLog], others: list[MotionLog])
     seconds = sum(float(record.time[-1] - record.time[0]) for record in others)
     return SmoothTest(smooth, odds, float(np.std(before)), float(np.std(after)),
                       ratio_interval(before, after, seconds), float(np.std(line)))
+
+
+def evidence_beside(axis: Axis, smooth: Smooth, base: Array, sizes: Array) -> Array:
+    """ln of the evidence (S,) for a smooth part of each size beside columns (n, p), by the noise beside that of the axis."""
+    white = axis.whiten(base)
+    return log_evidence(axis.whiten(smooth.columns(axis.angle)), white / np.linalg.norm(white, axis=0), axis.white_deflection,
+                        axis.white_variance, sizes)
 
 
 def _beside(axis: Axis, always: list[Shape]) -> Array:

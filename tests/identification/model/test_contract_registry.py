@@ -26,7 +26,7 @@ CONTRACT = [
     "target_curvature", "drift", "creep", "channel_delay", "joint_friction", "motor_inertia", "gear_damping", "sensor_step",
     "hook_offset", "swinging_weight", "transmission_error", "soft_track", "stand_compliance",
     "gear_creep", "lost_motion", "soft_gears", "load_leak", "reading_point", "gauge_friction", "load_friction", "hook_weight",
-    "force_curve", "tool_play", "gear_softening", "unsettled_zero",
+    "force_curve", "tool_play", "gear_softening", "unsettled_zero", "encoder_slip", "lost_samples", "torque_crosstalk",
     "force_axis_gain", "force_crosstalk", "force_offset", "deflection_sensor_crosstalk", "encoder_zero", "softening"]
 
 

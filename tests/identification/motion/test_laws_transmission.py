@@ -125,3 +125,24 @@ def test_the_interval_of_a_zero_s_shift_holds(tmp_path: Path) -> None:
         (shift,) = zero_shifts(2, Hypothesis((), (), (), solve(axis, axis.plain), 0.0), Transmission(2), pair)
         hit += abs(shift.shift + np.radians(0.01)) < 1.96 * shift.std
     assert hit >= 8
+
+
+@pytest.mark.parametrize("cycles", [60.0, 110.0])
+def test_an_error_of_a_few_waves_in_few_degrees_is_a_smooth_part(tmp_path: Path, cycles: float) -> None:
+    """One or two cycles in 6 degrees: too few for a line, too fine for the waves of the whole turn."""
+    logs = []
+    for seed in (330, 331):
+        values = columns(seed, {}, seconds=20, noise=4e-6)
+        # A joint that stays within few degrees under the same torques.
+        shrunk = 0.1 * np.radians(values["q2_motor_deg"])
+        twist = np.radians(values["q2_motor_deg"] - values["q2_link_deg"])
+        error = 4e-5 * np.sin(cycles * shrunk + 0.4)
+        values |= {"q2_motor_deg": np.degrees(shrunk), "q2_link_deg": np.degrees(shrunk - twist - error)}
+        del values["q2_speed_deg_s"]
+        logs.append(read_motion_log(write(tmp_path / f"{seed}.csv", values)))
+    one = diagnose_axes([logs[0]], logs[1], replicates=19)[0]
+    assert names(one) == {"transmission_error"}
+    assert one.transmission.smooth is not None
+    assert one.transmission.smooth.bend > 1
+    assert one.gain is not None
+    assert one.gain.ratio > 1.5

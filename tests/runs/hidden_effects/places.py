@@ -60,7 +60,8 @@ MEASUREMENT = (
 # An effect that no deflection shows (docs/effects.md): hidden, it must be missed.
 NEVER_SEEN = (place("force_gain", None, 1, "deflection_sensor_gain", factor=2.0),)
 # Effects that only logs taken in motion show: tests/identification/motion hides them there.
-IN_MOTION = ("channel_delay", "joint_friction", "motor_inertia", "gear_damping")
+IN_MOTION = ("channel_delay", "joint_friction", "motor_inertia", "gear_damping", "encoder_slip", "lost_samples",
+             "torque_crosstalk")
 # What a wider law can do as well, with more numbers than it takes: the narrow one is likelier by far, and is named.
 WIDER = {"base_shift": ("stand_compliance",), "side_load": ("force_crosstalk",)}
 ALL = (*GEARS, *STRUCTURE, *MEASUREMENT, *NEVER_SEEN)

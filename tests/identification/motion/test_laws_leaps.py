@@ -1,0 +1,134 @@
+"""What happens at one moment of a record: a zero that leaps, samples of a channel that are lost; what only looks like it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.model.cell import read_cell
+from identification.model.effects.lost_samples import LostSamples
+from identification.model.joint_log import JointLog
+from identification.motion.autoregression import Autoregression
+from identification.motion.band import BAND, low_pass, passed_step, thinned
+from identification.motion.fit import fit_joint_logs
+from identification.motion.leaps import find_leaps, step_gains, without
+from identification.motion.log_file import MotionLog, read_motion_log
+from identification.motion.procedure import diagnose_axes
+from tests.identification.motion.simulated_joint import RATE, STIFFNESS, columns, write
+
+MOTION = {"channel_delay": 1.0, "joint_friction": 1.0, "motor_inertia": 1.0}
+
+
+def log_of(path: Path, values: dict[str, np.ndarray]) -> MotionLog:
+    return read_motion_log(write(path, values))
+
+
+def slipped(values: dict[str, np.ndarray], shift: float, at: float) -> dict[str, np.ndarray]:
+    """The link encoder reads so much less [rad] from a time on."""
+    return values | {"q2_link_deg": values["q2_link_deg"] - np.degrees(shift) * (values["time_s"] > at)}
+
+
+def missing(values: dict[str, np.ndarray], samples: int, first: int) -> dict[str, np.ndarray]:
+    """The link encoder's channel without so many samples; what comes after it moves up, the record is as much shorter."""
+    link = np.delete(values["q2_link_deg"], np.arange(first, first + samples))
+    return {name: (link if name == "q2_link_deg" else column[: len(link)]) for name, column in values.items()}
+
+
+def test_a_zero_that_leaps_is_named_and_taken_out(tmp_path: Path) -> None:
+    """By 6e-5 rad, beside all that motion brings; the stiffness is that of the record without it."""
+    values = columns(400, MOTION)
+    clean, log = (log_of(tmp_path / f"{name}.csv", each) for name, each in (
+        ("clean", values), ("log", slipped(values, 6e-5, 11.9))))
+    (leap,) = find_leaps(2, [log])
+    assert leap.effect.name == "encoder_slip"
+    assert leap.at == pytest.approx(11.9, abs=2 / RATE)
+    assert abs(leap.size - 6e-5) < 4 * leap.std < 6e-5
+    one, without_it = (diagnose_axes([record], replicates=19)[0] for record in (log, clean))
+    assert one.verdict == "named"
+    assert {cause.shape.name for cause in one.causes} == {"encoder_slip"} | {c.shape.name for c in without_it.causes}
+    assert one.stiffness.compliance == pytest.approx(without_it.stiffness.compliance, rel=0.03)
+    assert one.fitted_std[1] == pytest.approx(without_it.fitted_std[1], rel=0.05)
+
+
+@pytest.mark.parametrize("samples", [1, 7])
+def test_samples_that_are_missing_are_counted(tmp_path: Path, samples: int) -> None:
+    values = columns(401, {}, seconds=12)
+    log = log_of(tmp_path / "log.csv", missing(values, samples, 1500))
+    (leap,) = find_leaps(2, [log])
+    assert leap.effect.name == "lost_samples"
+    assert leap.size == pytest.approx(-samples / RATE, rel=1e-6)
+    assert leap.at == pytest.approx(1500 / RATE, abs=(1 + samples) / RATE)
+    # The link stood at each row where it stands in the record that lost nothing.
+    (mended,) = without((leap,), [log])
+    whole = log_of(tmp_path / "whole.csv", values).joints[2].deflection[: len(mended.time)]
+    off = np.abs(mended.joints[2].deflection - whole)
+    assert np.median(off) < 1e-9
+    assert off.max() < 2e-4
+
+
+def test_identify_says_what_it_took_out(tmp_path: Path) -> None:
+    (tmp_path / "robot.yaml").write_text("name: r\nmanufacturer: m\nload_path: serial\nprior:\n  relative_std: 2.0\n"
+                                         "  stiffness_nm_per_rad: [5.0e6, 5.0e6, 5.0e6, 1.0e6, 1.0e6, 5.0e5]\n")
+    (tmp_path / "cell.yaml").write_text("robot: robot.yaml\ntool: {position_mm: [0, 0, 200], quaternion: [1, 0, 0, 0]}\n")
+    log = log_of(tmp_path / "log.csv", missing(columns(402, {}), 3, 2000))
+    fit = fit_joint_logs(read_cell(tmp_path / "cell.yaml", geometry=False), [log])
+    (said,) = [finding for finding in fit.findings if finding.code == "CS1617"]
+    assert "12 ms of the link's channel missing at 8.0" in said.message
+    low, high = fit.joints[0].interval_95
+    assert low < STIFFNESS < high
+
+
+@pytest.mark.parametrize("fault", ["backlash", "soft_zone", "hysteresis", "joint_friction", "angle_error", "torque_delay"])
+def test_a_law_is_no_leap(tmp_path: Path, fault: str) -> None:
+    """Free play crosses its gap abruptly, and comes back."""
+    for seed in (410, 411):
+        assert find_leaps(2, [log_of(tmp_path / "log.csv", columns(seed, {fault: 3.0}))]) == ()
+
+
+def test_a_zero_that_walks_is_no_leap(tmp_path: Path) -> None:
+    values = columns(412, {})
+    walk = np.degrees(2e-4 * np.sin(0.2 * values["time_s"]))
+    assert find_leaps(2, [log_of(tmp_path / "log.csv", values | {"q2_link_deg": values["q2_link_deg"] + walk})]) == ()
+
+
+def test_a_joint_that_leaps_all_the_time_has_no_leaps(tmp_path: Path) -> None:
+    values = columns(413, {})
+    for at in (2.0, 5.0, 8.0, 11.0, 14.0, 17.0):
+        values = slipped(values, 2e-4, at)
+    assert find_leaps(2, [log_of(tmp_path / "log.csv", values)]) == ()
+
+
+def test_squares_of_a_step_are_those_of_least_squares() -> None:
+    """At each sample by itself: two fits, with and without the step, of the same whitened rows."""
+    rng = np.random.default_rng(0)
+    count, noise = 60, Autoregression(np.array([0.5, -0.3, 0.2]))
+    column, base, deflection = rng.standard_normal(count), rng.standard_normal((count, 3)), rng.standard_normal((count, 1))
+    white, base = noise.whiten(deflection)[:, 0], noise.whiten(base)
+    known = np.linalg.qr(base)[0]
+    gains = step_gains(noise, known, white - known @ (known.T @ white), column)
+    for first in (0, 1, 5, 30, count - 4):
+        step = noise.whiten((column * (np.arange(count) >= first))[:, None])
+        left = [np.sum((white - x @ np.linalg.lstsq(x, white, rcond=None)[0]) ** 2)
+                for x in (base, np.column_stack([base, step]))]
+        assert gains[first] == pytest.approx(left[0] - left[1], rel=1e-9)
+
+
+@pytest.mark.parametrize("rate", [250.0, 40.0, 8.0])
+def test_a_step_passes_the_band_as_said(rate: float) -> None:
+    time = np.arange(int(8 * rate)) / rate
+    passed = low_pass((time >= 3.0)[:, None].astype(float), rate)[:, 0]
+    kept = thinned(time, rate, BAND)
+    # The step is between two samples.
+    np.testing.assert_allclose(passed_step(kept - 3.0, rate), passed, atol=1e-12)
+
+
+def test_what_lost_samples_add_is_the_way_of_the_link() -> None:
+    """A link at constant speed: so much behind, from the moment on."""
+    time = np.arange(100) / 100.0
+    log = JointLog(1, time, np.zeros(100), np.full(100, 0.5), np.zeros(100), 0.5 * time, 1.0)
+    told = np.where(time >= 0.4, 0.5 * (time + 0.03), 0.5 * time)
+    early = JointLog(1, time, log.torque, log.speed, log.angle - told, log.angle, 1.0)
+    added = LostSamples().log_contribution(early, np.array([-0.03, 0.4]))
+    np.testing.assert_allclose(added, np.where(time >= 0.4, -0.015, 0.0), atol=1e-12)
