@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import read_only
-from identification.common.quantities import cause_words
+from identification.common.quantities import cause_words, quantity
 from identification.motion.axis import Axis
 from identification.motion.causes import LogCause
 from identification.motion.leaps import Leap
@@ -32,7 +32,8 @@ class AxisDiagnosis:
     others, the likeliest first. explained: share of the misfit's variance that `named` takes away, under the band. deflection
     (n,), residuals (n, 2) [rad]: of plain and extended model, fitted, at full rate. withdrawn: names that do not predict.
     transmission: what repeats with the angle, named or not; leaps: what happened at one moment of a record; zeros: shifts of
-    the zero between records; records: what was fitted, without the leaps."""
+    the zero between records; records: what was fitted, without the leaps. damping: of a gear that is damped as gears are, where
+    that is all there is beside the spring."""
 
     axis: Axis
     verdict: Verdict
@@ -50,6 +51,7 @@ class AxisDiagnosis:
     causes: tuple[LogCause, ...] = ()
     alternatives: tuple[LogCause, ...] = ()
     withdrawn: tuple[str, ...] = ()
+    damping: LogCause | None = None
     explained: float = 0.0
     gain: Gain | None = None
 
@@ -84,6 +86,8 @@ class AxisDiagnosis:
             "transmission_error": self.transmission.as_dict(list(self.records)),
             "zero_shifts": [zero.as_dict() for zero in self.zeros],
             "leaps": [leap.as_dict() for leap in self.leaps],
+            "damping_lag_s": None if self.damping is None else {
+                "estimate": float(self.damping.values[0]), "std": float(self.damping.std[0])},
         }
 
     def lines(self) -> list[str]:
@@ -113,16 +117,25 @@ class AxisDiagnosis:
             return ""
         return f"; each record with its own zero, with that of the fitted {before / after:.1f}"
 
+    @property
+    def _adequate(self) -> str:
+        if self.damping is None:
+            return "the plain spring explains the log to its noise"
+        lag = quantity(float(self.damping.values[0]), float(self.damping.std[0]), "s")
+        return (f"the plain spring and its damping explain the log to its noise; the twist is late by {lag}, as gears are (a "
+                "torque recorded so much early would look the same), which does not matter at rest")
+
     def _answer(self) -> list[str]:
         """The names, certain and not."""
-        lines = ["  adequate: the plain spring explains the log to its noise"] if self.verdict == "adequate" else []
+        lines = [f"  adequate: {self._adequate}"] if self.verdict == "adequate" else []
         lines += [f"  named: {cause.sentence} ({cause.label}: {cause.estimates}; probability {cause.probability:.3f})"
                   for cause in self.causes]
         others = [f"{cause_words(cause.label)} {cause.probability:.2f}" for cause in self.alternatives]
         if self.verdict == "ambiguous":
             lines.append("  ambiguous: " + ", ".join(others))
         elif self.verdict == "unknown":
-            lines.append("  unknown: no cause in the dictionary explains it")
+            nearest = f"; the nearest: {', '.join(others[:5])}" if others else ""
+            lines.append(f"  unknown: no cause in the dictionary explains it{nearest}")
         elif others:
             lines.append("  beside it perhaps (this log does not settle it): " + ", ".join(others[:5]))
         return lines

@@ -38,6 +38,8 @@ NEARLY_ALL = 0.95
 WORTH_NAMING, WORTH_KEEPING = 0.02, 0.5
 # Effects that are looked for one at a time, for they are others' columns.
 NOT_TOGETHER = (TransmissionError.name, GearDamping.name)
+# Lag [s] of a twist behind its torque that is no fault: twice what is typical, a damping ratio of 2 % at 10 Hz.
+OF_A_GEAR = 2 * GearDamping.parameters[0].typical
 # Residual variance, plain over extended, from which a misfit is gross.
 GROSS = 4.0
 
@@ -110,11 +112,26 @@ def _axis(
         # What happened at one moment predicts no other.
         gain = held_out(joint, BAND, named, found, records, validate)[0] if predicting else None
         return replace(answer, verdict="named", causes=causes, alternatives=alternatives, explained=explained, gain=gain)
+    damped = None if causes or leaps else _damped(axis, hypotheses)
+    if damped is not None and not _remainder(axis, raw, damped, measured).patterns:
+        return replace(answer, verdict="adequate", damping=cause_of(axis, damped, 0, 1.0), explained=explained)
     # Nothing is certain: a set of names where the likeliest of them leaves no pattern, else unknown.
     best = hypotheses[0]
     open_set = best.entries and not _remainder(axis, raw, best, measured).patterns
     return replace(answer, verdict="ambiguous" if open_set else "unknown", alternatives=(*causes, *alternatives),
                    explained=explained)
+
+
+def _damped(axis: Axis, hypotheses: Hypotheses) -> Hypothesis | None:
+    """A gear that is damped as gears are, where nothing else is as likely; a torque recorded early is the same column."""
+    alone = {hypothesis.names: hypothesis for hypothesis in hypotheses if len(hypothesis.names) == 1}
+    damped, early = alone.get((GearDamping.name,)), alone.get(("channel_delay (torque)",))
+    if damped is None:
+        return None
+    same = [one for one in (damped, early) if one is not None]
+    others = max(one.probability for one in hypotheses if one not in same)
+    lag = float(cause_of(axis, damped, 0, 1.0).values[0])
+    return damped if sum(one.probability for one in same) >= others and lag <= OF_A_GEAR else None
 
 
 def _needed(found: Transmission, records: list[MotionLog]) -> Transmission:

@@ -6,11 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from identification.motion.axis import axis_of
 from identification.motion.inner_friction import without_torque_noise
 from identification.motion.log_file import MotionLog, read_motion_log
-from identification.motion.procedure import detection
+from identification.motion.procedure import detection, diagnose_axes
 from identification.motion.search import survey
 from identification.motion.transmission import find_transmission
 from tests.identification.motion.simulated_joint import RATE, columns, smooth_noise, write
@@ -54,6 +55,21 @@ def test_a_damped_gear_is_not_called_a_clock_that_is_wrong(tmp_path: Path) -> No
     first, second, *_ = survey(axis_of(2, [log_of(tmp_path / "log.csv", values)]))
     assert {first.names, second.names} == {("gear_damping",), ("channel_delay (torque)",)}
     np.testing.assert_allclose(first.probability, second.probability, rtol=0.2)
+
+
+@pytest.mark.parametrize(("lag", "verdict"), [(4e-4, "adequate"), (2e-3, "ambiguous")])
+def test_a_gear_that_is_damped_as_gears_are_is_adequate(tmp_path: Path, lag: float, verdict: str) -> None:
+    """Its lag is told; a lag that no ordinary gear has is left open."""
+    values = columns(8, {}, noise=3e-7)
+    values["q2_torque_nm"] = np.interp(values["time_s"] + lag, values["time_s"], values["q2_torque_nm"])
+    one = diagnose_axes([log_of(tmp_path / "log.csv", values)], replicates=19)[0]
+    assert one.verdict == verdict
+    assert (one.damping is not None) == (verdict == "adequate")
+    if one.damping is not None:
+        assert abs(one.damping.values[0] - lag) < 4 * one.damping.std[0] < lag
+        assert one.alternatives == one.causes == ()
+    else:
+        assert {"gear_damping", "channel_delay (torque)"} <= {cause.shape.name for cause in one.alternatives}
 
 
 def test_lines_are_found_that_most_samples_see_folded(tmp_path: Path) -> None:
