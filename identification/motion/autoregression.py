@@ -7,9 +7,12 @@ least squares whitens both sides with the autoregression of the residual first.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+
+from identification.common.arrays import read_only
 
 Array = NDArray[np.float64]
 MOST_ORDER = 10
@@ -38,10 +41,11 @@ class Autoregression:
 
     def simulate(self, size: float, count: int, rng: np.random.Generator) -> Array:
         """Noise (count,) of this autoregression, the white part of standard deviation `size`."""
-        from scipy.signal import lfilter
-
         white = size * rng.standard_normal(count + RUN_IN)
-        return np.asarray(lfilter([1.0], np.concatenate([[1.0], -self.phi]), white)[-count:])
+        # The recursion from zero, as a product of spectra.
+        room = 2 * len(white)
+        filtered = np.fft.irfft(np.fft.rfft(white, room) * np.fft.rfft(_response(self.phi, len(white)), room), room)
+        return np.asarray(filtered[RUN_IN: len(white)])
 
     def worth(self, count: int) -> float:
         """How many independent samples `count` of them are worth for their mean."""
@@ -50,12 +54,22 @@ class Autoregression:
 
 def _variance_ratio(phi: Array) -> float:
     """Variance of the noise over its spectrum at zero frequency."""
-    response = np.zeros(2048)
-    response[0] = 1.0
-    for n in range(1, len(response)):
-        reach = min(n, len(phi))
-        response[n] = phi[:reach] @ response[n - reach: n][::-1]
-    return float(min(1.0, np.sum(response**2) * (1 - phi.sum()) ** 2))
+    return float(min(1.0, np.sum(_response(phi, 2048) ** 2) * (1 - phi.sum()) ** 2))
+
+
+def _response(phi: Array, count: int) -> Array:
+    """What a single white sample leaves in itself and those after it (count,)."""
+    return _known_response(tuple(phi.tolist()), count)
+
+
+@lru_cache(maxsize=64)
+def _known_response(phi: tuple[float, ...], count: int) -> Array:
+    backwards, values = phi[::-1], [0.0] * len(phi) + [1.0]
+    for _ in range(count - 1):
+        values.append(sum(w * v for w, v in zip(backwards, values[len(values) - len(phi):], strict=True)))
+    response = np.array(values[len(phi):])
+    read_only(response)
+    return response
 
 
 def fitted_autoregression(residuals: list[Array]) -> Autoregression:

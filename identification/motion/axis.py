@@ -130,17 +130,25 @@ def solve(axis: Axis, columns: Array) -> Solved:
     scale[scale == 0] = 1.0
     white = axis.whiten(columns / scale)
     deflection = axis.white_deflection
-    prior = np.zeros(columns.shape[1])
-    prior[: len(axis.penalty)] = axis.penalty
-    prior /= scale**2
-    inverse = np.linalg.pinv(white.T @ white + np.diag(prior), rcond=1e-12, hermitian=True)
-    coefficients = inverse @ (white.T @ deflection)
-    left = deflection - white @ coefficients
-    chi2 = float(left @ left + prior @ coefficients**2)
-    free = columns.shape[1] - float(prior @ np.diag(inverse))
-    freedom = max(1.0, len(deflection) - free - len(axis.noise.phi))
-    covariance = inverse * chi2 / freedom / np.outer(scale, scale)
-    return Solved(coefficients / scale, covariance, chi2, len(deflection))
+    penalty = np.zeros(columns.shape[1])
+    penalty[: len(axis.penalty)] = axis.penalty
+    return answered(white.T @ white, white.T @ deflection, float(deflection @ deflection), len(deflection), penalty, scale,
+                    len(axis.noise.phi))
+
+
+def answered(
+    gram: Array, moment: Array, total: float, count: int, penalty: Array, scale: Array, order: int
+) -> Solved:
+    """From the products of whitened columns of length one (p, p), with the deflection (p,) and of this with itself; scale (p,):
+    the columns' lengths; count: whitened rows; order: of the noise's autoregression."""
+    prior = penalty / scale**2
+    inverse = np.linalg.pinv(gram + np.diag(prior), rcond=1e-12, hermitian=True)
+    coefficients = inverse @ moment
+    left = total - 2 * float(moment @ coefficients) + float(coefficients @ gram @ coefficients)
+    chi2 = max(left, 1e-15 * total) + float(prior @ coefficients**2)
+    free = len(moment) - float(prior @ np.diag(inverse))
+    covariance = inverse * chi2 / max(1.0, count - free - order) / np.outer(scale, scale)
+    return Solved(coefficients / scale, covariance, chi2, count)
 
 
 def straight_line(axis: Axis) -> Array:

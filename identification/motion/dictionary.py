@@ -158,24 +158,30 @@ def _sign(effect: Effect, which: int) -> int:
 def _columns(effect: Effect, fixed: Array, free: tuple[int, ...], smear: float, logs: list[JointLog], rates: list[float],
              band: float) -> Array:
     """Contribution for one unit of each free parameter (n, p), averaged over torques that are off by `smear` [N m]."""
-    moved = [[replace(log, torque=log.torque + smear * turn) for log in logs] for turn in (NORMAL if smear else (0.0,))]
-    return np.column_stack([np.mean([_column(effect, fixed, k, each, rates, band) for each in moved], axis=0) for k in free])
+    turns = NORMAL if smear else (0.0,)
+    return np.column_stack([_column(effect, fixed, k, logs, rates, band, tuple(smear * turn for turn in turns)) for k in free])
 
 
-def _column(effect: Effect, fixed: Array, which: int, logs: list[JointLog], rates: list[float], band: float) -> Array:
-    """Contribution for one unit of a linear parameter, low-passed, records below one another (n,)."""
+def _column(effect: Effect, fixed: Array, which: int, logs: list[JointLog], rates: list[float], band: float,
+            off: tuple[float, ...] = (0.0,)) -> Array:
+    """Contribution for one unit of a linear parameter (n,), the mean over torques that are off by so much [N m], low-passed,
+    records below one another."""
+    parts = []
+    for log, rate in zip(logs, rates, strict=True):
+        slopes = [_slope(effect, fixed, which, replace(log, torque=log.torque + each) if each else log) for each in off]
+        parts.append(low_pass(np.mean(slopes, axis=0)[:, None], rate, band)[:, 0])
+    return np.concatenate(parts)
+
+
+def _slope(effect: Effect, fixed: Array, which: int, log: JointLog) -> Array:
+    """Contribution for one unit of a linear parameter (n,), at full rate."""
     parameter = effect.parameters[which]
     step = np.zeros(len(fixed))
     step[which] = parameter.typical
-    parts = []
-    for log, rate in zip(logs, rates, strict=True):
-        ahead = effect.log_contribution(log, fixed + step)
-        assert ahead is not None
-        if parameter.positive:
-            slope = ahead / parameter.typical
-        else:
-            behind = effect.log_contribution(log, fixed - step)
-            assert behind is not None
-            slope = (ahead - behind) / (2 * parameter.typical)
-        parts.append(low_pass(slope[:, None], rate, band)[:, 0])
-    return np.concatenate(parts)
+    ahead = effect.log_contribution(log, fixed + step)
+    assert ahead is not None
+    if parameter.positive:
+        return np.asarray(ahead / parameter.typical)
+    behind = effect.log_contribution(log, fixed - step)
+    assert behind is not None
+    return np.asarray((ahead - behind) / (2 * parameter.typical))

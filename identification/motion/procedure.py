@@ -22,6 +22,7 @@ from identification.motion.inner_friction import without_torque_noise
 from identification.motion.leaps import find_leaps, without
 from identification.motion.log_file import MotionLog
 from identification.motion.prediction import held_out, model_columns
+from identification.motion.products import products
 from identification.motion.proxies import stands_for_torque, without_proxies
 from identification.motion.remainder import Remainder, remainder
 from identification.motion.search import Hypothesis, fitted, survey
@@ -204,16 +205,15 @@ def detection(axis: Axis, replicates: int, rng: np.random.Generator) -> float:
 def _largest(axis: Axis) -> float:
     """The largest score of one effect, or of all together, whose known signs are theirs: acceleration and angle can say what
     the torque is without its noise, but then the motor's inertia is negative. The angle is judged alone."""
-    plain = solve(axis, axis.plain)
-    beside = axis.plain.shape[1]
-    tried = [shape for group in axis.dictionary for shape in group]
+    of_all = products(axis)
+    plain = of_all.solve(of_all.places((), ()))
     scores = [0.0]
-    for shape in tried:
-        solved = solve(axis, np.column_stack([axis.plain, shape.columns]))
-        if np.all(solved.coefficients[beside:] * shape.signs >= 0):
+    for shape in (shape for group in axis.dictionary for shape in group):
+        solved = of_all.solve(of_all.places((shape,), (range(shape.columns.shape[1]),)))
+        if np.all(solved.coefficients[of_all.plain:] * shape.signs >= 0):
             scores.append(_score(plain, solved))
     together = tuple(k for k, group in enumerate(axis.dictionary) if group[0].name not in NOT_TOGETHER)
-    widest = fitted(axis, together, tuple(axis.dictionary[k][len(axis.dictionary[k]) // 2] for k in together), plain)
+    widest = fitted(of_all, together, tuple(axis.dictionary[k][len(axis.dictionary[k]) // 2] for k in together), plain)
     return max(*scores, 0.0 if widest is None else _score(plain, widest.solved))
 
 

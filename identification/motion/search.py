@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.motion.axis import Axis, Solved, solve
+from identification.motion.axis import Axis, Solved
 from identification.motion.dictionary import EXCLUSIVE, Shape
+from identification.motion.products import Products, products
 
 Array = NDArray[np.float64]
 MOST_CAUSES = 4
@@ -51,15 +52,15 @@ class Hypothesis:
 
 def survey(axis: Axis, most: int = MOST_CAUSES) -> tuple[Hypothesis, ...]:
     """All sets of effects, the likeliest first; the plain spring is among them."""
-    groups = axis.dictionary
-    shortlists = _shortlists(axis, groups)
-    plain = solve(axis, axis.plain)
+    groups, all_products = axis.dictionary, products(axis)
+    shortlists = _shortlists(all_products, groups)
+    plain = all_products.solve(all_products.places((), ()))
     hypotheses = [Hypothesis((), (), (), plain, 0.0)]
     for size in range(1, min(most, len(groups)) + 1):
         for entries in itertools.combinations(range(len(groups)), size):
             if any({groups[a][0].name, groups[b][0].name} in EXCLUSIVE for a, b in itertools.combinations(entries, 2)):
                 continue
-            options = [fitted(axis, entries, chosen, plain)
+            options = [fitted(all_products, entries, chosen, plain)
                        for chosen in itertools.product(*(shortlists[entry] for entry in entries))]
             possible = [option for option in options if option is not None]
             if possible:
@@ -71,39 +72,40 @@ def survey(axis: Axis, most: int = MOST_CAUSES) -> tuple[Hypothesis, ...]:
     return tuple(replace(hypotheses[k], probability=float(weight[k])) for k in np.argsort(-logs))
 
 
-def _shortlists(axis: Axis, groups: list[list[Shape]]) -> list[list[Shape]]:
+def _shortlists(of_all: Products, groups: list[list[Shape]]) -> list[list[Shape]]:
     """The shapes of each effect worth trying in sets: the best beside the plain spring, and the best beside all others."""
-    others = np.column_stack([group[len(group) // 2].columns for group in groups])
+    middle = [group[len(group) // 2] for group in groups]
     lists = []
-    for group in groups:
+    for group, mine in zip(groups, middle, strict=True):
         if len(group) == 1:
             lists.append(group)
             continue
-        alone = [solve(axis, np.column_stack([axis.plain, shape.columns])).chi2 for shape in group]
-        mine = group[len(group) // 2].columns
-        rest = others[:, [k for k in range(others.shape[1]) if not any(np.array_equal(others[:, k], c) for c in mine.T)]]
-        beside = [solve(axis, np.column_stack([axis.plain, rest, shape.columns])).chi2 for shape in group]
-        picked = list(dict.fromkeys([int(np.argmin(alone)), int(np.argmin(beside))]))
-        lists.append([group[k] for k in picked])
+        others = [shape for shape in middle if shape is not mine]
+        picked = [min(range(len(group)), key=lambda k: of_all.solve(of_all.places(*_whole([*beside, group[k]]))).chi2)
+                  for beside in ([], others)]
+        lists.append([group[k] for k in dict.fromkeys(picked)])
     return lists
 
 
-def fitted(axis: Axis, entries: tuple[int, ...], chosen: tuple[Shape, ...], plain: Solved) -> Hypothesis | None:
+def _whole(shapes: list[Shape]) -> tuple[list[Shape], list[range]]:
+    return shapes, [range(shape.columns.shape[1]) for shape in shapes]
+
+
+def fitted(of_all: Products, entries: tuple[int, ...], chosen: tuple[Shape, ...], plain: Solved) -> Hypothesis | None:
     """The set with columns of the wrong sign left out; None where an effect has nothing left, or doubles another's column."""
     kept = [list(range(shape.columns.shape[1])) for shape in chosen]
-    base = axis.plain.shape[1]
     while all(kept):
-        wide = np.column_stack([axis.plain, *(shape.columns[:, mine] for shape, mine in zip(chosen, kept, strict=True))])
-        if _doubled(wide):
+        places = of_all.places(chosen, kept)
+        if of_all.doubled(places, SAME):
             if not _drop_doubled(kept):
                 return None
             continue
-        solved = solve(axis, wide)
-        if solved.coefficients[base - 1] <= 0 and chosen and any(shape.through_spring for shape in chosen):
+        solved = of_all.solve(places)
+        if solved.coefficients[of_all.plain - 1] <= 0 and chosen and any(shape.through_spring for shape in chosen):
             return None
-        wrong = _wrong_sign(solved, base, chosen, kept)
+        wrong = _wrong_sign(solved, of_all.plain, chosen, kept)
         if wrong is None:
-            free = wide.shape[1] - base
+            free = len(places) - of_all.plain
             gain = 0.5 * solved.count * np.log(plain.chi2 / solved.chi2) - 0.5 * free * np.log(solved.count)
             return Hypothesis(entries, chosen, tuple(tuple(mine) for mine in kept), solved, float(gain))
         del kept[wrong[0]][wrong[1]]
@@ -120,12 +122,6 @@ def _wrong_sign(
     wrong = [(float(sign * value), k, position) for value, (k, position, sign) in zip(sigma, places, strict=True)
              if sign * value < 0]
     return min(wrong)[1:] if wrong else None
-
-
-def _doubled(wide: Array) -> bool:
-    """Whether the columns nearly span a space of fewer dimensions."""
-    scaled = wide / np.linalg.norm(wide, axis=0)
-    return bool(np.linalg.svd(scaled, compute_uv=False)[-1] < SAME)
 
 
 def _drop_doubled(kept: list[list[int]]) -> bool:
