@@ -1,10 +1,11 @@
 """Which causes, alone or together, a joint's log speaks for: all sets of up to four effects, each with its best shape.
 
-The evidence of a set is the Bayesian information criterion of generalised least squares; the noise's autoregression is that
-beside the whole dictionary, the same for all sets, so no set gains by calling a misfit noise. A set in which a coefficient with
-a known sign has the other, or the compliance is negative, is judged without that coefficient. Free play and a soft zone are
-never in one set: a real gear's compliance is neither exactly, and the two together would be a law, not two causes. Nor are a
-gear that is damped and a torque that was recorded early: they are one column.
+The evidence of a set is the Bayesian information criterion of generalised least squares, but that a delay of the link's
+encoder is known beforehand to a few milliseconds. The noise's autoregression is that beside the whole dictionary, the same
+for all sets, so no set gains by calling a misfit noise. A set in which a coefficient with a known sign has the other, or
+the compliance is negative, is judged without that coefficient. Free play and a soft zone are never in one set: a real
+gear's compliance is neither exactly, and the two together would be a law, not two causes. Nor are a gear that is damped and
+a torque that was recorded early: they are one column.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.model.effects.channel_delay import ChannelDelay
 from identification.motion.axis import Axis, Solved
 from identification.motion.dictionary import EXCLUSIVE, Shape
 from identification.motion.products import Products, products
@@ -23,6 +25,7 @@ Array = NDArray[np.float64]
 MOST_CAUSES = 4
 # Probability that an effect is at work, before the data.
 AT_WORK = 0.15
+LINK_DELAY = "channel_delay (link)"
 # Columns that are closer to one another than this are one: what they say cannot be divided between them.
 SAME = 1e-4
 
@@ -105,11 +108,22 @@ def fitted(of_all: Products, entries: tuple[int, ...], chosen: tuple[Shape, ...]
             return None
         wrong = _wrong_sign(solved, of_all.plain, chosen, kept)
         if wrong is None:
-            free = len(places) - of_all.plain
-            gain = 0.5 * solved.count * np.log(plain.chi2 / solved.chi2) - 0.5 * free * np.log(solved.count)
+            names = [shape.name for shape, mine in zip(chosen, kept, strict=True) for _ in mine]
+            std = np.sqrt(np.diag(solved.covariance)[of_all.plain:])
+            price = sum(_price(name, float(each), solved.count) for name, each in zip(names, std, strict=True))
+            gain = 0.5 * solved.count * np.log(plain.chi2 / solved.chi2) - price
             return Hypothesis(entries, chosen, tuple(tuple(mine) for mine in kept), solved, float(gain))
         del kept[wrong[0]][wrong[1]]
     return None
+
+
+def _price(name: str, std: float, count: int) -> float:
+    """ln of what a free coefficient costs a set: by the information criterion, or by how much better the data know it than it
+    was known before, where that is known. Recorders are off by milliseconds: one that is off by a microsecond is unlikely."""
+    price = 0.5 * float(np.log(count))
+    if name != LINK_DELAY:
+        return price
+    return max(price, float(np.log(2 * ChannelDelay.parameters[0].typical / (np.sqrt(2 * np.pi) * max(std, 1e-300)))))
 
 
 def _wrong_sign(

@@ -103,3 +103,20 @@ def test_a_record_whose_torque_only_accelerates_tests_the_smooth_part_of_another
         values["q2_link_deg"] = values["q2_link_deg"] + np.degrees(3e-4 * np.sin(np.radians(values["q2_motor_deg"])))
     found = find_transmission(2, [log_of(tmp_path / "1.csv", first)], log_of(tmp_path / "2.csv", second))
     assert found.smooth_test is not None
+
+
+def test_a_recorder_is_not_late_by_a_microsecond(tmp_path: Path) -> None:
+    """Recorders are off by milliseconds. A share of the speed that is worth 1 us, and shows by 4 of its standard deviations, is
+    less likely theirs than nothing; one of 100 us is."""
+    values = columns(9, {}, noise=3e-7)
+    speed = np.gradient(values["q2_motor_deg"], values["time_s"])
+    plain = survey(axis_of(2, [log_of(tmp_path / "log.csv", values)]))
+    link = next(one for one in plain if one.names == ("channel_delay (link)",))
+    std = np.sqrt(link.solved.covariance[-1, -1])
+    chances = []
+    for late in (4 * std - link.solved.coefficients[-1], 1e-4):
+        late_link = values | {"q2_link_deg": values["q2_link_deg"] - late * speed}
+        sets = survey(axis_of(2, [log_of(tmp_path / "log.csv", late_link)]))
+        chances.append(sum(one.probability for one in sets if "channel_delay (link)" in one.names))
+    assert std < 1e-6
+    assert chances[0] < 0.5 < 0.99 < chances[1]
