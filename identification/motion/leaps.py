@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import rms
 from identification.common.findings import Finding
 from identification.common.quantities import two_sigma
 from identification.model.effects.encoder_slip import EncoderSlip
@@ -35,6 +36,8 @@ MOMENTS, WITHIN = 400, 0.3
 MOVING = 0.1
 # A joint that leaps more often has a law, and no leaps.
 MOST_LEAPS = 3
+# Ratio of what is left with and without lost samples.
+FAR_LARGER = 2.0
 # Rounds in which a leap's size settles.
 ROUNDS = 3
 # Share of a step's size that nothing else explains: with less it cannot be told.
@@ -146,15 +149,21 @@ def _at(moment: float, kind: int, joint: int, record: MotionLog, p_value: float)
 
 
 def _seen(leap: Leap, record: MotionLog) -> bool:
-    """Whether it is larger than what the samples scatter by without it. A zero that leaps must do so in motion: at a
-    standstill, and where a joint turns round, friction lets go."""
-    log, axis = record.joints[leap.joint], session(leap.joint, [_less(record, leap)]).axis
-    solved = np.linalg.lstsq(axis.widest, axis.deflection, rcond=None)[0]
-    scatter = float(np.std(axis.deflection - axis.widest @ solved))
+    """Whether an eye would see it. Lost samples leave far more, from the moment on, than the record without them does. A zero
+    leaps by more than the samples scatter, and in motion: at a standstill, and where a joint turns round, friction lets go."""
+    log = record.joints[leap.joint]
+    after = log.time >= leap.at
+    told, without_it = (_left(leap.joint, each) for each in (record, _less(record, leap)))
     if isinstance(leap.effect, LostSamples):
-        return abs(leap.size) * float(np.abs(log.speed[log.time >= leap.at]).max()) > scatter
+        return rms(told[after]) > FAR_LARGER * rms(without_it[after])
     about = log.speed[np.abs(log.time - leap.at) <= MOVING]
-    return abs(leap.size) > scatter and bool(np.all(about > STANDSTILL) or np.all(about < -STANDSTILL))
+    return abs(leap.size) > rms(without_it) and bool(np.all(about > STANDSTILL) or np.all(about < -STANDSTILL))
+
+
+def _left(joint: int, record: MotionLog) -> Array:
+    """What least squares leave of a record at full rate (n,), beside what is in any motion."""
+    axis = session(joint, [record]).axis
+    return np.asarray(axis.deflection - axis.widest @ np.linalg.lstsq(axis.widest, axis.deflection, rcond=None)[0])
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from identification.motion.prediction import held_out, model_columns
 from identification.motion.products import products
 from identification.motion.proxies import stands_for_torque, without_proxies
 from identification.motion.remainder import Remainder, remainder
-from identification.motion.search import Hypothesis, fitted, survey
+from identification.motion.search import LINK_DELAY, Hypothesis, fitted, survey
 from identification.motion.stiffness import axis_stiffness
 from identification.motion.transmission import ODDS, Transmission, evidence_beside, find_transmission
 from identification.motion.zeros import zero_shifts
@@ -36,11 +36,13 @@ ALARM, REPLICATES = 0.05, 99
 CERTAIN = 0.95
 # A misfit explained to this share has its cause, though something is left.
 NEARLY_ALL = 0.95
-WORTH_NAMING, WORTH_KEEPING = 0.02, 0.5
+WORTH_NAMING, WORTH_KEEPING, WORTH_AVERAGING = 0.02, 0.5, 1e-3
 # Effects that are looked for one at a time, for they are others' columns.
 NOT_TOGETHER = (TransmissionError.name, GearDamping.name)
 # Lag [s] of a twist behind its torque that is no fault: twice what is typical, a damping ratio of 2 % at 10 Hz.
 OF_A_GEAR = 2 * GearDamping.parameters[0].typical
+# A recorder's delay is no shorter than this share of a sample; a parameter is clear of nothing by so many of its sigmas.
+LEAST_DELAY, CLEAR = 0.01, 2.0
 # Residual variance, plain over extended, from which a misfit is gross.
 GROSS = 4.0
 
@@ -168,7 +170,7 @@ def _predictive(
     """The hypothesis of all certain causes that also predict what was not fitted, and the names of the others. A transmission
     error is certain only where it was found again: here it keeps names from others."""
     certain = {entry for entry in range(len(axis.dictionary)) if _at_work(hypotheses, entry) >= CERTAIN
-               and axis.dictionary[entry][0].name != TransmissionError.name}
+               and axis.dictionary[entry][0].name != TransmissionError.name and _told(axis, hypotheses, entry)}
     named = next((hypothesis for hypothesis in hypotheses if certain and set(hypothesis.entries) == certain),
                  next(hypothesis for hypothesis in hypotheses if set(hypothesis.entries) <= certain))
     if not named.entries:
@@ -179,14 +181,39 @@ def _predictive(
     return _of_entries(hypotheses, kept) or plain, withdrawn
 
 
+def _told(axis: Axis, hypotheses: Hypotheses, entry: int) -> bool:
+    """Whether any parameter is clear of nothing, whatever is beside it; and an encoder not late by less than clocks are told
+    apart: friction inside a gear looks so."""
+    cause = _averaged(axis, hypotheses, entry, _likeliest(axis, hypotheses, entry, 1.0))
+    if axis.dictionary[entry][0].name == LINK_DELAY and abs(cause.values[0]) < LEAST_DELAY / max(axis.rates):
+        return False
+    return bool(np.any(np.abs(cause.values[np.isfinite(cause.std)]) > CLEAR * cause.std[np.isfinite(cause.std)]))
+
+
 def _causes(
     axis: Axis, hypotheses: Hypotheses, named: Hypothesis
 ) -> tuple[tuple[LogCause, ...], tuple[LogCause, ...]]:
     """The named causes, and all others worth a name, the likeliest first."""
     chance = [_at_work(hypotheses, entry) for entry in range(len(axis.dictionary))]
-    causes = tuple(cause_of(axis, named, k, chance[entry]) for k, entry in enumerate(named.entries))
+    causes = tuple(_averaged(axis, hypotheses, entry, cause_of(axis, named, k, chance[entry]))
+                   for k, entry in enumerate(named.entries))
     others = [int(k) for k in np.argsort(-np.array(chance)) if k not in named.entries and chance[k] >= WORTH_NAMING]
     return causes, tuple(_likeliest(axis, hypotheses, entry, chance[entry]) for entry in others)
+
+
+def _averaged(axis: Axis, hypotheses: Hypotheses, entry: int, cause: LogCause) -> LogCause:
+    """The cause with its parameters as the sets that have it in this shape have them, each as likely as it is: what else is at
+    work beside it, and is not certain, is in their spread."""
+    having = [one for one in hypotheses if entry in one.entries and one.probability > WORTH_AVERAGING]
+    told = [(one.probability, cause_of(axis, one, one.entries.index(entry), cause.probability)) for one in having]
+    told = [(weight, one) for weight, one in told if one.shape is cause.shape and np.array_equal(
+        np.isfinite(one.std), np.isfinite(cause.std))]
+    if not told:
+        return cause
+    weight = np.array([one for one, _ in told]) / sum(one for one, _ in told)
+    values, std = np.array([one.values for _, one in told]), np.array([one.std for _, one in told])
+    mean = weight @ values
+    return replace(cause, values=mean, std=np.sqrt(weight @ (std**2 + (values - mean) ** 2)))
 
 
 def detection(axis: Axis, replicates: int, rng: np.random.Generator) -> float:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.channel_delay import ChannelDelay
+from identification.model.effects.joint_friction import JointFriction
 from identification.motion.axis import Axis, Solved
 from identification.motion.dictionary import EXCLUSIVE, Shape
 from identification.motion.products import Products, products
@@ -95,8 +96,26 @@ def _whole(shapes: list[Shape]) -> tuple[list[Shape], list[range]]:
 
 
 def fitted(of_all: Products, entries: tuple[int, ...], chosen: tuple[Shape, ...], plain: Solved) -> Hypothesis | None:
-    """The set with columns of the wrong sign left out; None where an effect has nothing left, or doubles another's column."""
+    """The set with columns of the wrong sign left out; None where an effect has nothing left, or doubles another's column.
+    Viscous friction and a delay of the link are nearly one column: beside it friction keeps its own only where that pays."""
     kept = [list(range(shape.columns.shape[1])) for shape in chosen]
+    names = [shape.name for shape in chosen]
+    found = _with(of_all, entries, chosen, plain, kept)
+    if LINK_DELAY not in names or JointFriction.name not in names:
+        return found
+    without = [mine[:1] if name == JointFriction.name else mine for name, mine in zip(names, kept, strict=True)]
+    dry = _with(of_all, entries, chosen, plain, without)
+    if found is None or dry is None or len(found.solved.coefficients) == len(dry.solved.coefficients):
+        return dry or found
+    pays = 0.5 * found.solved.count * (np.log(dry.solved.chi2 / found.solved.chi2)) - 0.5 * np.log(found.solved.count)
+    return replace(found, log_evidence=dry.log_evidence + float(pays)) if pays > 0 else dry
+
+
+def _with(
+    of_all: Products, entries: tuple[int, ...], chosen: tuple[Shape, ...], plain: Solved, columns: list[list[int]]
+) -> Hypothesis | None:
+    """The set with these columns of each shape, or fewer."""
+    kept = [list(mine) for mine in columns]
     while all(kept):
         places = of_all.places(chosen, kept)
         if of_all.doubled(places, SAME):

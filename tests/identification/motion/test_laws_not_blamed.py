@@ -120,3 +120,14 @@ def test_a_recorder_is_not_late_by_a_microsecond(tmp_path: Path) -> None:
         chances.append(sum(one.probability for one in sets if "channel_delay (link)" in one.names))
     assert std < 1e-6
     assert chances[0] < 0.5 < 0.99 < chances[1]
+
+
+def test_viscous_friction_does_not_blow_up_a_delay(tmp_path: Path) -> None:
+    """Of a stiff gear they are one column but for a thousandth: the delay stands for both, and is known as well as that one."""
+    values = columns(16, {"channel_delay": 0.05, "joint_friction": 1.0}, stiffness=5e7, noise=6e-7)
+    best = survey(axis_of(2, [log_of(tmp_path / "log.csv", values)]))[0]
+    assert set(best.names) == {"channel_delay (link)", "joint_friction"}
+    compliance, delay, coulomb = best.solved.coefficients[1:4]
+    assert delay == pytest.approx(150e-6 - 900.0 / 5e7, abs=4e-6)
+    assert coulomb / compliance == pytest.approx(300.0, rel=0.05)
+    assert np.sqrt(best.solved.covariance[2, 2]) < 2e-6
