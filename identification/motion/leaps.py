@@ -122,7 +122,7 @@ def _largest(joint: int, record: MotionLog, rng: np.random.Generator) -> Leap | 
     if p_value > FOUND:
         return None
     moment = _most_abrupt(session(joint, [record]).axis, record)
-    if abs(moment - moments[place]) > WITHIN:
+    if moment is None or abs(moment - moments[place]) > WITHIN:
         return None
     leap = _at(moment, kind, joint, record, p_value)
     return leap if leap is not None and _seen(leap, record) else None
@@ -202,17 +202,21 @@ def _beside(axis: Axis, columns: Array) -> tuple[Array, Array]:
     return known, axis.white_deflection - known @ (known.T @ axis.white_deflection)
 
 
-def _most_abrupt(axis: Axis, record: MotionLog) -> float:
-    """The time [s] of the full-rate record from which on a step gains most."""
+def _most_abrupt(axis: Axis, record: MotionLog) -> float | None:
+    """The time [s] of the full-rate record from which on a step gains most; None where a step so close to an end of the record
+    that it cannot be told gains more than that: then what is seen is that one's."""
     known, left = _beside(axis, axis.widest)
     log = record.joints[axis.joint]
     gains = [step_gains(axis.noise, known, left, column)
              for column in (np.ones(len(log.time)), log.speed)]
     order = len(axis.noise.phi)
     gain = np.max(gains, axis=0)
-    gain[: order + 2] = 0.0
-    gain[len(gain) - order - 2:] = 0.0
-    return float(log.time[int(np.argmax(gain))])
+    inner = gain.copy()
+    inner[: order + 2] = 0.0
+    inner[len(gain) - order - 2:] = 0.0
+    best = int(np.argmax(inner))
+    near = np.abs(log.time - log.time[best]) <= WITHIN
+    return None if gain[near].max() > inner[best] else float(log.time[best])
 
 
 def step_gains(noise: Autoregression, known: Array, left: Array, column: Array) -> Array:

@@ -52,6 +52,34 @@ def test_a_zero_that_leaps_is_named_and_taken_out(tmp_path: Path) -> None:
     assert one.fitted_std[1] == pytest.approx(without_it.fitted_std[1], rel=0.05)
 
 
+def test_a_zero_that_leaps_alone_is_all_there_is(tmp_path: Path) -> None:
+    """A spring and nothing else: what is left beside it is the noise of the channels."""
+    log = log_of(tmp_path / "log.csv", slipped(columns(405, {}, seconds=6), 2e-4, 3.3))
+    one = diagnose_axes([log], replicates=19)[0]
+    assert [cause.shape.name for cause in one.causes] == ["encoder_slip"]
+    noise = np.sqrt(8e-6**2 + 8e-6**2 + (15 / STIFFNESS) ** 2)
+    assert one.fitted_std[1] == pytest.approx(noise, rel=0.15)
+    assert one.fitted_std[0] > 1.5 * noise
+    (leap,) = one.as_dict()["leaps"]
+    assert leap.pop("shift_rad") == pytest.approx(2e-4, abs=4 * leap.pop("std"))
+    assert leap.pop("at_s") == pytest.approx(3.3, abs=2 / RATE)
+    assert 0 < leap.pop("p_value") <= 0.01
+    assert leap == {"effect": "encoder_slip", "record": log.source}
+
+
+@pytest.mark.parametrize(("seed", "silent", "told"), [(420, (1, 3, -1), (4, -5)), (421, (1, 2, 3), (4, -6))])
+def test_a_leap_near_an_end_is_told_as_it_is_or_not_at_all(
+    tmp_path: Path, seed: int, silent: tuple[int, ...], told: tuple[int, ...]
+) -> None:
+    """Ten samples a second, so that few rows stand before it: never at another moment, nor of another size."""
+    values = {name: column[::25] for name, column in columns(seed, {}).items()}
+    time = values["time_s"]
+    for place in (*silent, *told):
+        leaps = find_leaps(2, [log_of(tmp_path / "log.csv", slipped(values, 1e-3, time[place] - 0.05))])
+        assert [leap.at for leap in leaps] == ([] if place in silent else [pytest.approx(time[place])])
+        assert [leap.size for leap in leaps] == ([] if place in silent else [pytest.approx(1e-3, rel=0.05)])
+
+
 @pytest.mark.parametrize("samples", [1, 7])
 def test_samples_that_are_missing_are_counted(tmp_path: Path, samples: int) -> None:
     values = columns(401, {}, seconds=12)
