@@ -13,7 +13,7 @@ from identification.motion.log_file import MotionLog, read_motion_log
 from identification.motion.procedure import diagnose_axes
 from identification.motion.search import Hypothesis
 from identification.motion.stiffness import axis_stiffness
-from identification.motion.transmission import Transmission, find_transmission
+from identification.motion.transmission import SIZES, Transmission, _tested, find_transmission
 from identification.motion.zeros import zero_shifts
 from tests.identification.motion.simulated_joint import STIFFNESS, columns, write
 
@@ -58,6 +58,14 @@ def test_a_ring_off_its_axis_is_a_smooth_part(tmp_path: Path) -> None:
     assert one.transmission.smooth is not None
     assert one.gain is not None
     assert one.gain.after < 4e-5
+
+
+def test_a_small_ring_is_no_less_likely_for_being_small(tmp_path: Path) -> None:
+    """20 urad, under noise of 1 urad, by the waves of the whole turn alone: the sizes that are tried reach down to it."""
+    fitted, other = (record(tmp_path, seed, {}, ring=2e-5, noise=1e-6) for seed in (310, 311))
+    found = _tested(2, [fitted], [other], SIZES, (1.0,))
+    assert found is not None
+    assert found.confirmed
 
 
 def test_a_line_in_one_record_only_is_not_named(tmp_path: Path) -> None:
