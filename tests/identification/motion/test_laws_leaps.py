@@ -128,6 +128,18 @@ def test_a_joint_that_leaps_all_the_time_has_no_leaps(tmp_path: Path) -> None:
     assert find_leaps(2, [log_of(tmp_path / "log.csv", values)]) == ()
 
 
+@pytest.mark.parametrize("count", [3, 4])
+def test_three_leaps_of_a_record_are_told_and_four_are_a_law(tmp_path: Path, count: int) -> None:
+    values = columns(414, {})
+    hidden = [(5.0, 8e-4), (8.0, -4e-4), (13.0, 2e-4), (16.9, -1.6e-3)][:count]
+    for at, shift in hidden:
+        values = slipped(values, shift, at)
+    found = sorted((leap.at, leap.size) for leap in find_leaps(2, [log_of(tmp_path / "log.csv", values)]))
+    expected = hidden if count == 3 else []
+    assert [at for at, _ in found] == pytest.approx([at for at, _ in expected], abs=2 / RATE)
+    assert [size for _, size in found] == pytest.approx([shift for _, shift in expected], abs=2e-5)
+
+
 def test_squares_of_a_step_are_those_of_least_squares() -> None:
     """At each sample by itself: two fits, with and without the step, of the same whitened rows."""
     rng = np.random.default_rng(0)

@@ -12,6 +12,7 @@ from identification.motion.axis_diagnosis import AxisDiagnosis
 from identification.motion.log_file import MotionLog, read_motion_log
 from identification.motion.procedure import diagnose_axes
 from identification.motion.search import Hypothesis
+from identification.motion.smooth import smooth_over
 from identification.motion.stiffness import axis_stiffness
 from identification.motion.transmission import SIZES, Transmission, _tested, find_transmission
 from identification.motion.zeros import zero_shifts
@@ -154,3 +155,12 @@ def test_an_error_of_a_few_waves_in_few_degrees_is_a_smooth_part(tmp_path: Path,
     assert one.transmission.smooth.bend > 1
     assert one.gain is not None
     assert one.gain.ratio > 1.5
+
+
+def test_finer_waves_are_as_long_as_the_angles_visited() -> None:
+    """Angles four times as wide and waves four times as long: the same errors are as likely, sample by sample."""
+    angle = 0.3 + 0.1 * np.random.default_rng(0).uniform(size=80)
+    narrow, wide = smooth_over(angle, 1e-4, 60.0), smooth_over(4 * angle, 1e-4, 15.0)
+    near, far = narrow.columns(angle), wide.columns(4 * angle)
+    np.testing.assert_allclose(near @ near.T, far @ far.T, atol=1e-9 * np.abs(near @ near.T).max())
+    assert narrow.cycles.min() == pytest.approx(2 * np.pi / (4 * np.ptp(angle)))
