@@ -148,7 +148,9 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
      "the part with the other sign, of which the square alone counts"),
     ("identification/motion/leaps.py", "known = basis[:, spread > 1e-10 * spread[0]]", "1e-10 -> (1e-10 * 2)",
      "parts rounding and columns: nothing lies between"),
-    ("identification/motion/autoregression.py", "left = [y - x @ coefficients for x, y in zip(columns, deflection, strict=True)]",
+    ("identification/motion/autoregression.py",
+     "left = [y - x @ coefficients for x, y in zip(columns, deflection, strict=True)]",
      "True -> False", "parts of one axis, as many of the columns as of the deflection"),
-    ("identification/motion/transmission.py", "if span < LEAST_SPAN:", "< -> <=", "a bound on a real number, met exactly by none"),
+    ("identification/motion/transmission.py", "if span < LEAST_SPAN:", "< -> <=",
+     "a bound on a real number, met exactly by none"),
 )

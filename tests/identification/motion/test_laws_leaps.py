@@ -155,6 +155,16 @@ def test_squares_of_a_step_are_those_of_least_squares() -> None:
         assert gains[first] == pytest.approx(left[0] - left[1], rel=1e-9)
 
 
+@pytest.mark.parametrize("rate", [1000.0, 250.0, 40.0])
+def test_the_band_lets_through_half_at_its_edge(rate: float) -> None:
+    """A wave well below 6 Hz passes as it is, in step; at 6 Hz half of it, at twice that nothing."""
+    time = np.arange(int(8 * rate)) / rate
+    for hertz, passes in ((0.7, 1.0), (2.0, 1.0), (BAND, 0.5), (2 * BAND, 0.0)):
+        passed = low_pass(np.sin(2 * np.pi * hertz * time)[:, None], rate)[:, 0]
+        kept = thinned(time, rate)
+        np.testing.assert_allclose(passed, passes * np.sin(2 * np.pi * hertz * kept), atol=0.02)
+
+
 @pytest.mark.parametrize("rate", [250.0, 40.0, 8.0])
 def test_a_step_passes_the_band_as_said(rate: float) -> None:
     time = np.arange(int(8 * rate)) / rate
