@@ -116,13 +116,14 @@ def _largest(joint: int, record: MotionLog, rng: np.random.Generator) -> Leap | 
     steps = _steps(axis, record, moments)
     if steps is None:
         return None
-    best = int(np.argmax(np.abs(steps.along)))
-    p_value = steps.by_chance(abs(float(steps.along[best])), rng)
-    kind, place = divmod(best, len(moments))
-    if p_value > FOUND:
-        return None
     moment = _most_abrupt(session(joint, [record]).axis, record)
-    if moment is None or abs(moment - moments[place]) > WITHIN:
+    if moment is None:
+        return None
+    # Of several leaps of one size each look may hold another for the largest: the step is looked for where it is abrupt.
+    along = np.abs(steps.along) * np.tile(np.abs(moments - moment) <= WITHIN, len(KINDS))
+    kind = int(np.argmax(along)) // len(moments)
+    p_value = steps.by_chance(float(along.max()), rng)
+    if p_value > FOUND:
         return None
     leap = _at(moment, kind, joint, record, p_value)
     return leap if leap is not None and _seen(leap, record) else None

@@ -128,10 +128,12 @@ def test_a_joint_that_leaps_all_the_time_has_no_leaps(tmp_path: Path) -> None:
     assert find_leaps(2, [log_of(tmp_path / "log.csv", values)]) == ()
 
 
-@pytest.mark.parametrize("count", [3, 4])
-def test_three_leaps_of_a_record_are_told_and_four_are_a_law(tmp_path: Path, count: int) -> None:
+@pytest.mark.parametrize(("count", "sizes"), [
+    (3, (8e-4, -4e-4, 2e-4)), (3, (3e-4, 3e-4, 3e-4)), (4, (8e-4, -4e-4, 2e-4, -1.6e-3))])
+def test_three_leaps_of_a_record_are_told_and_four_are_a_law(tmp_path: Path, count: int, sizes: tuple[float, ...]) -> None:
+    """Also where they are of one size, and none is the largest."""
     values = columns(414, {})
-    hidden = [(5.0, 8e-4), (8.0, -4e-4), (13.0, 2e-4), (16.9, -1.6e-3)][:count]
+    hidden = list(zip((5.0, 8.0, 13.0, 16.9), sizes, strict=False))
     for at, shift in hidden:
         values = slipped(values, shift, at)
     found = sorted((leap.at, leap.size) for leap in find_leaps(2, [log_of(tmp_path / "log.csv", values)]))
