@@ -29,7 +29,8 @@ Array = NDArray[np.float64]
 KINDS = (EncoderSlip(), LostSamples())
 # p-value of a leap's search, with so many simulated residuals.
 FOUND, BY_CHANCE = 0.01, 199
-# Moments that are tried under the band, evenly over the record; how close both looks must come to one another [s].
+# Moments that are tried under the band, evenly over the record, beside the most abrupt one; how close both looks must come to
+# one another [s].
 MOMENTS, WITHIN = 400, 0.3
 # A zero leaps while the joint moves one way for so long before and after [s].
 MOVING = 0.1
@@ -111,13 +112,13 @@ def _of_record(joint: int, record: MotionLog) -> list[Leap]:
 
 def _largest(joint: int, record: MotionLog, rng: np.random.Generator) -> Leap | None:
     """The largest leap, where both looks see it, and an eye would."""
-    axis = axis_of(joint, [record], BAND)
-    moments = axis.time[np.unique(np.linspace(1, len(axis.time) - 2, min(MOMENTS, len(axis.time) - 2)).astype(int))]
+    axis, moment = axis_of(joint, [record], BAND), _most_abrupt(session(joint, [record]).axis, record)
+    if moment is None:
+        return None
+    evenly = axis.time[np.linspace(1, len(axis.time) - 2, min(MOMENTS, len(axis.time) - 2)).astype(int)]
+    moments = np.unique([*evenly, np.clip(moment, evenly[0], evenly[-1])])
     steps = _steps(axis, record, moments)
     if steps is None:
-        return None
-    moment = _most_abrupt(session(joint, [record]).axis, record)
-    if moment is None:
         return None
     # Of several leaps of one size each look may hold another for the largest: the step is looked for where it is abrupt.
     along = np.abs(steps.along) * np.tile(np.abs(moments - moment) <= WITHIN, len(KINDS))

@@ -128,6 +128,17 @@ def test_a_joint_that_leaps_all_the_time_has_no_leaps(tmp_path: Path) -> None:
     assert find_leaps(2, [log_of(tmp_path / "log.csv", values)]) == ()
 
 
+def test_a_leap_is_told_at_any_moment_of_a_long_record(tmp_path: Path) -> None:
+    """Five minutes: moments that are tried evenly lie farther apart than the looks may."""
+    values = {name: column[::10] for name, column in columns(430, {}, seconds=300).items()}
+    at = 51.7
+    about = np.abs(values["time_s"] - at) < 0.2
+    assert np.all(values["q2_speed_deg_s"][about] > 3), "the joint must move"
+    (leap,) = find_leaps(2, [log_of(tmp_path / "log.csv", slipped(values, 3e-4, at))])
+    assert leap.at == pytest.approx(at, abs=0.05)
+    assert leap.size == pytest.approx(3e-4, abs=4 * leap.std)
+
+
 @pytest.mark.parametrize(("count", "sizes"), [
     (3, (8e-4, -4e-4, 2e-4)), (3, (3e-4, 3e-4, 3e-4)), (4, (8e-4, -4e-4, 2e-4, -1.6e-3))])
 def test_three_leaps_of_a_record_are_told_and_four_are_a_law(tmp_path: Path, count: int, sizes: tuple[float, ...]) -> None:
