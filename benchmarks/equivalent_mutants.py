@@ -140,4 +140,17 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
      'AXIS = Parameter("axis_rad", "rad", 0.8, -3.1416, 3.1416, grid=tuple((np.arange(8) * np.pi / 4 '
      "- 0.75 * np.pi).round(4)),",
      "4 -> (4 * 2)", "digits of a direction in which a search begins"),
+    ("identification/motion/leaps.py", "return None", "return -> return None and", "None and None is None"),
+    ("identification/motion/leaps.py",
+     "return abs(leap.size) > scatter and bool(np.all(about > STANDSTILL) or np.all(about < -STANDSTILL))", "> -> >=",
+     "a bound on a real number, met exactly by none"),
+    ("identification/motion/leaps.py", "part[: count - j] += weights[k] * column[j - k: count - k]", "+= -> -=",
+     "the part with the other sign, of which the square alone counts"),
+    ("identification/motion/leaps.py", "known = basis[:, spread > 1e-10 * spread[0]]", "1e-10 -> (1e-10 * 2)",
+     "parts rounding and columns: nothing lies between"),
+    ("identification/motion/autoregression.py",
+     "left = [y - x @ coefficients for x, y in zip(columns, deflection, strict=True)]",
+     "True -> False", "parts of one axis, as many of the columns as of the deflection"),
+    ("identification/motion/transmission.py", "if span < LEAST_SPAN:", "< -> <=",
+     "a bound on a real number, met exactly by none"),
 )

@@ -30,7 +30,8 @@ Array = NDArray[np.float64]
 KINDS = (EncoderSlip(), LostSamples())
 # p-value of a leap's search, with so many simulated residuals.
 FOUND, BY_CHANCE = 0.01, 199
-# Moments that are tried under the band, evenly over the record; how close both looks must come to one another [s].
+# Moments that are tried under the band, evenly over the record, beside the most abrupt one; how close both looks must come to
+# one another [s].
 MOMENTS, WITHIN = 400, 0.3
 # A zero leaps while the joint moves one way for so long before and after [s].
 MOVING = 0.1
@@ -114,18 +115,19 @@ def _of_record(joint: int, record: MotionLog) -> list[Leap]:
 
 def _largest(joint: int, record: MotionLog, rng: np.random.Generator) -> Leap | None:
     """The largest leap, where both looks see it, and an eye would."""
-    axis = axis_of(joint, [record], BAND)
-    moments = axis.time[np.unique(np.linspace(1, len(axis.time) - 2, min(MOMENTS, len(axis.time) - 2)).astype(int))]
+    axis, moment = axis_of(joint, [record], BAND), _most_abrupt(session(joint, [record]).axis, record)
+    if moment is None:
+        return None
+    evenly = axis.time[np.linspace(1, len(axis.time) - 2, min(MOMENTS, len(axis.time) - 2)).astype(int)]
+    moments = np.unique([*evenly, np.clip(moment, evenly[0], evenly[-1])])
     steps = _steps(axis, record, moments)
     if steps is None:
         return None
-    best = int(np.argmax(np.abs(steps.along)))
-    p_value = steps.by_chance(abs(float(steps.along[best])), rng)
-    kind, place = divmod(best, len(moments))
+    # Of several leaps of one size each look may hold another for the largest: the step is looked for where it is abrupt.
+    along = np.abs(steps.along) * np.tile(np.abs(moments - moment) <= WITHIN, len(KINDS))
+    kind = int(np.argmax(along)) // len(moments)
+    p_value = steps.by_chance(float(along.max()), rng)
     if p_value > FOUND:
-        return None
-    moment = _most_abrupt(session(joint, [record]).axis, record)
-    if abs(moment - moments[place]) > WITHIN:
         return None
     leap = _at(moment, kind, joint, record, p_value)
     return leap if leap is not None and _seen(leap, record) else None
@@ -211,17 +213,21 @@ def _beside(axis: Axis, columns: Array) -> tuple[Array, Array]:
     return known, axis.white_deflection - known @ (known.T @ axis.white_deflection)
 
 
-def _most_abrupt(axis: Axis, record: MotionLog) -> float:
-    """The time [s] of the full-rate record from which on a step gains most."""
+def _most_abrupt(axis: Axis, record: MotionLog) -> float | None:
+    """The time [s] of the full-rate record from which on a step gains most; None where a step so close to an end of the record
+    that it cannot be told gains more than that: then what is seen is that one's."""
     known, left = _beside(axis, axis.widest)
     log = record.joints[axis.joint]
     gains = [step_gains(axis.noise, known, left, column)
              for column in (np.ones(len(log.time)), log.speed)]
     order = len(axis.noise.phi)
     gain = np.max(gains, axis=0)
-    gain[: order + 2] = 0.0
-    gain[len(gain) - order - 2:] = 0.0
-    return float(log.time[int(np.argmax(gain))])
+    inner = gain.copy()
+    inner[: order + 2] = 0.0
+    inner[len(gain) - order - 2:] = 0.0
+    best = int(np.argmax(inner))
+    near = np.abs(log.time - log.time[best]) <= WITHIN
+    return None if gain[near].max() > inner[best] else float(log.time[best])
 
 
 def step_gains(noise: Autoregression, known: Array, left: Array, column: Array) -> Array:

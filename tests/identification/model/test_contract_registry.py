@@ -41,6 +41,13 @@ def test_the_dictionary_is_the_contract_s() -> None:
         assert f"`{name}`" in DOCUMENT
 
 
+def test_what_shows_in_a_joint_s_log_may_show_in_any_joint_s() -> None:
+    of_logs = [effect for effect in effects().values() if type(effect).log_contribution is not Effect.log_contribution]
+    assert {"encoder_slip", "lost_samples", "torque_crosstalk"} <= {effect.name for effect in of_logs if effect.joints}
+    for effect in of_logs:
+        assert effect.joints in ((), (1, 2, 3, 4, 5, 6)), effect.name
+
+
 def every_law() -> list[Effect]:
     return [law for effect in effects().values() for law in (effect, *effect.other_laws)]
 

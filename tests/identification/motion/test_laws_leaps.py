@@ -52,6 +52,34 @@ def test_a_zero_that_leaps_is_named_and_taken_out(tmp_path: Path) -> None:
     assert one.fitted_std[1] == pytest.approx(without_it.fitted_std[1], rel=0.05)
 
 
+def test_a_zero_that_leaps_alone_is_all_there_is(tmp_path: Path) -> None:
+    """A spring and nothing else: what is left beside it is the noise of the channels."""
+    log = log_of(tmp_path / "log.csv", slipped(columns(405, {}, seconds=6), 2e-4, 3.3))
+    one = diagnose_axes([log], replicates=19)[0]
+    assert [cause.shape.name for cause in one.causes] == ["encoder_slip"]
+    noise = np.sqrt(8e-6**2 + 8e-6**2 + (15 / STIFFNESS) ** 2)
+    assert one.fitted_std[1] == pytest.approx(noise, rel=0.15)
+    assert one.fitted_std[0] > 1.5 * noise
+    (leap,) = one.as_dict()["leaps"]
+    assert leap.pop("shift_rad") == pytest.approx(2e-4, abs=4 * leap.pop("std"))
+    assert leap.pop("at_s") == pytest.approx(3.3, abs=2 / RATE)
+    assert 0 < leap.pop("p_value") <= 0.01
+    assert leap == {"effect": "encoder_slip", "record": log.source}
+
+
+@pytest.mark.parametrize(("seed", "silent", "told"), [(420, (1, 3, -1), (4, -5)), (421, (1, 2, 3), (4, -6))])
+def test_a_leap_near_an_end_is_told_as_it_is_or_not_at_all(
+    tmp_path: Path, seed: int, silent: tuple[int, ...], told: tuple[int, ...]
+) -> None:
+    """Ten samples a second, so that few rows stand before it: never at another moment, nor of another size."""
+    values = {name: column[::25] for name, column in columns(seed, {}).items()}
+    time = values["time_s"]
+    for place in (*silent, *told):
+        leaps = find_leaps(2, [log_of(tmp_path / "log.csv", slipped(values, 1e-3, time[place] - 0.05))])
+        assert [leap.at for leap in leaps] == ([] if place in silent else [pytest.approx(time[place])])
+        assert [leap.size for leap in leaps] == ([] if place in silent else [pytest.approx(1e-3, rel=0.05)])
+
+
 @pytest.mark.parametrize("samples", [1, 7])
 def test_samples_that_are_missing_are_counted(tmp_path: Path, samples: int) -> None:
     values = columns(401, {}, seconds=12)
@@ -100,6 +128,31 @@ def test_a_joint_that_leaps_all_the_time_has_no_leaps(tmp_path: Path) -> None:
     assert find_leaps(2, [log_of(tmp_path / "log.csv", values)]) == ()
 
 
+def test_a_leap_is_told_at_any_moment_of_a_long_record(tmp_path: Path) -> None:
+    """Five minutes: moments that are tried evenly lie farther apart than the looks may."""
+    values = {name: column[::10] for name, column in columns(430, {}, seconds=300).items()}
+    at = 51.7
+    about = np.abs(values["time_s"] - at) < 0.2
+    assert np.all(values["q2_speed_deg_s"][about] > 3), "the joint must move"
+    (leap,) = find_leaps(2, [log_of(tmp_path / "log.csv", slipped(values, 3e-4, at))])
+    assert leap.at == pytest.approx(at, abs=0.05)
+    assert leap.size == pytest.approx(3e-4, abs=4 * leap.std)
+
+
+@pytest.mark.parametrize(("count", "sizes"), [
+    (3, (8e-4, -4e-4, 2e-4)), (3, (3e-4, 3e-4, 3e-4)), (4, (8e-4, -4e-4, 2e-4, -1.6e-3))])
+def test_three_leaps_of_a_record_are_told_and_four_are_a_law(tmp_path: Path, count: int, sizes: tuple[float, ...]) -> None:
+    """Also where they are of one size, and none is the largest."""
+    values = columns(414, {})
+    hidden = list(zip((5.0, 8.0, 13.0, 16.9), sizes, strict=False))
+    for at, shift in hidden:
+        values = slipped(values, shift, at)
+    found = sorted((leap.at, leap.size) for leap in find_leaps(2, [log_of(tmp_path / "log.csv", values)]))
+    expected = hidden if count == 3 else []
+    assert [at for at, _ in found] == pytest.approx([at for at, _ in expected], abs=2 / RATE)
+    assert [size for _, size in found] == pytest.approx([shift for _, shift in expected], abs=2e-5)
+
+
 def test_squares_of_a_step_are_those_of_least_squares() -> None:
     """At each sample by itself: two fits, with and without the step, of the same whitened rows."""
     rng = np.random.default_rng(0)
@@ -113,6 +166,16 @@ def test_squares_of_a_step_are_those_of_least_squares() -> None:
         left = [np.sum((white - x @ np.linalg.lstsq(x, white, rcond=None)[0]) ** 2)
                 for x in (base, np.column_stack([base, step]))]
         assert gains[first] == pytest.approx(left[0] - left[1], rel=1e-9)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 250.0, 40.0])
+def test_the_band_lets_through_half_at_its_edge(rate: float) -> None:
+    """A wave well below 6 Hz passes as it is, in step; at 6 Hz half of it, at twice that nothing."""
+    time = np.arange(int(8 * rate)) / rate
+    for hertz, passes in ((0.7, 1.0), (2.0, 1.0), (BAND, 0.5), (2 * BAND, 0.0)):
+        passed = low_pass(np.sin(2 * np.pi * hertz * time)[:, None], rate)[:, 0]
+        kept = thinned(time, rate)
+        np.testing.assert_allclose(passed, passes * np.sin(2 * np.pi * hertz * kept), atol=0.02)
 
 
 @pytest.mark.parametrize("rate", [250.0, 40.0, 8.0])

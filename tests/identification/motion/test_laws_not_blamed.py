@@ -11,10 +11,11 @@ import pytest
 from identification.motion.axis import axis_of
 from identification.motion.inner_friction import without_torque_noise
 from identification.motion.log_file import MotionLog, read_motion_log
-from identification.motion.procedure import detection, diagnose_axes
+from identification.motion.procedure import _needed, detection, diagnose_axes
 from identification.motion.search import survey
+from identification.motion.smooth import smooth_over
 from identification.motion.transmission import find_transmission
-from tests.identification.motion.simulated_joint import RATE, columns, smooth_noise, write
+from tests.identification.motion.simulated_joint import RATE, columns, smooth_noise, waves, write
 
 
 def log_of(path: Path, values: dict[str, np.ndarray]) -> MotionLog:
@@ -131,3 +132,31 @@ def test_viscous_friction_does_not_blow_up_a_delay(tmp_path: Path) -> None:
     assert delay == pytest.approx(150e-6 - 900.0 / 5e7, abs=4e-6)
     assert coulomb / compliance == pytest.approx(300.0, rel=0.05)
     assert np.sqrt(best.solved.covariance[2, 2]) < 2e-6
+
+
+def hanging(path: Path, seed: int, *, soft: float, ring: float) -> MotionLog:
+    """An arm under its weight, whose torque is nearly a function of the angle. soft [rad]: of its gear about no torque; ring
+    [rad]: of its encoder."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(16 * int(RATE)) / RATE
+    link = waves(rng, time, 0.25, 0.08, 0.3)
+    carried = 1500 * np.sin(link) + waves(rng, time, 60.0, 0.2, 2.0)
+    motor = link + carried / 5e6 + soft * np.tanh(carried / 250)
+    logged = link - ring * np.sin(link + 0.3) + 2e-6 * rng.standard_normal(len(time))
+    return log_of(path, {"time_s": time, "q2_motor_deg": np.degrees(motor), "q2_link_deg": np.degrees(logged),
+                         "q2_torque_nm": carried + 2.0 * rng.standard_normal(len(time))})
+
+
+@pytest.mark.parametrize(("soft", "ring"), [(4e-5, 0.0), (0.0, 1e-4), (4e-5, 1e-4)])
+def test_a_soft_gear_under_a_weight_is_no_error_over_the_angle(tmp_path: Path, soft: float, ring: float) -> None:
+    """It predicts as one, by waves of either kind; the gear's law does it as well, but not what a ring does."""
+    logs = [hanging(tmp_path / f"{seed}.csv", seed, soft=soft, ring=ring) for seed in (1, 2)]
+    found = find_transmission(2, logs[:1], logs[1])
+    test = found.smooth_test
+    assert test is not None
+    assert test.confirmed, "the case must be one"
+    whole_turn = smooth_over(logs[0].joints[2].angle, 1e-4)
+    assert test.smooth.bend > 1 >= whole_turn.bend
+    for smooth in (test.smooth, whole_turn):
+        kept = _needed(replace(found, smooth_test=replace(test, smooth=smooth)), logs[:1])
+        assert (kept.smooth is not None) == (ring > 0)

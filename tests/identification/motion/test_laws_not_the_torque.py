@@ -12,8 +12,9 @@ from identification.motion.axis import axis_of
 from identification.motion.crosstalk import crosstalk
 from identification.motion.log_file import MotionLog, read_motion_log
 from identification.motion.procedure import diagnose_axes
-from identification.motion.proxies import without_proxies
+from identification.motion.proxies import stands_for_torque, without_proxies
 from identification.motion.search import survey
+from identification.motion.smooth import smooth_over
 from identification.motion.transmission import find_transmission
 from tests.identification.motion.simulated_joint import RATE, STIFFNESS, columns, write
 
@@ -47,6 +48,26 @@ def test_joints_that_only_move_together_have_none(tmp_path: Path) -> None:
     record = both(tmp_path, 502, 0.0, {"channel_delay": 1.0})
     for joint in (2, 3):
         assert crosstalk(axis_of(joint, [record])) == []
+
+
+def test_each_part_of_the_log_has_the_same_of_it(tmp_path: Path) -> None:
+    """Each half of a single record, and each of two records, by itself and of one size; else it is something else."""
+    two, three = columns(500, {}, seconds=8), columns(550, {}, seconds=8, joint=3)
+
+    def seen(*bends: float | tuple[float, float]) -> bool:
+        """Whether it is a cause; of each record what bends, of a pair that of its halves."""
+        records = []
+        for k, each in enumerate(bends):
+            shares = np.repeat(each, len(two["time_s"]) // np.size(each))
+            link = two["q2_link_deg"] - np.degrees(shares * three["q3_torque_nm"])
+            records.append(read_motion_log(write(tmp_path / f"{k}.csv", two | three | {"q2_link_deg": link})))
+        return crosstalk(axis_of(2, records)) != []
+
+    assert seen((BENDS, BENDS))
+    assert not seen((BENDS, 0.0))
+    assert not seen((0.5 * BENDS, BENDS))
+    assert seen(BENDS, BENDS)
+    assert not seen(BENDS, 0.5 * BENDS)
 
 
 def swinging(seed: int, *, torque_noise: float, inertia: float = 0.0, ring: float = 0.0) -> dict[str, np.ndarray]:
@@ -85,3 +106,17 @@ def test_an_axis_without_doubtful_causes_is_the_same(tmp_path: Path) -> None:
     axis = axis_of(2, [read_motion_log(write(tmp_path / "log.csv", columns(503, {}, seconds=8)))], only=("backlash",))
     assert without_proxies(axis) is axis
     assert without_proxies(replace(axis, dictionary=[])).dictionary == []
+
+
+@pytest.mark.parametrize(("ring", "stands"), [(0.0, True), (1e-5, False)])
+def test_whether_an_error_over_the_angle_is_the_torque_s_hangs_on_no_unit(tmp_path: Path, ring: float, stands: bool) -> None:
+    """From nN m to GN m, whatever the encoders' zeros."""
+    logs = []
+    for seed in (1, 2):
+        values = swinging(seed, torque_noise=40.0, ring=ring)
+        values["q2_link_deg"] = values["q2_link_deg"] - np.degrees(1e-4 * seed)
+        logs.append(read_motion_log(write(tmp_path / f"{seed}.csv", values)))
+    axis = axis_of(2, logs)
+    smooth = smooth_over(np.concatenate([log.joints[2].angle for log in logs]), 4e-5)
+    for unit in (1e-9, 1e-3, 1.0, 1e3, 1e9):
+        assert stands_for_torque(replace(axis, torque=axis.torque / unit), smooth) == stands

@@ -12,8 +12,9 @@ from identification.motion.axis_diagnosis import AxisDiagnosis
 from identification.motion.log_file import MotionLog, read_motion_log
 from identification.motion.procedure import diagnose_axes
 from identification.motion.search import Hypothesis
+from identification.motion.smooth import smooth_over
 from identification.motion.stiffness import axis_stiffness
-from identification.motion.transmission import Transmission, find_transmission
+from identification.motion.transmission import SIZES, Transmission, _tested, find_transmission
 from identification.motion.zeros import zero_shifts
 from tests.identification.motion.simulated_joint import STIFFNESS, columns, write
 
@@ -58,6 +59,14 @@ def test_a_ring_off_its_axis_is_a_smooth_part(tmp_path: Path) -> None:
     assert one.transmission.smooth is not None
     assert one.gain is not None
     assert one.gain.after < 4e-5
+
+
+def test_a_small_ring_is_no_less_likely_for_being_small(tmp_path: Path) -> None:
+    """20 urad, under noise of 1 urad, by the waves of the whole turn alone: the sizes that are tried reach down to it."""
+    fitted, other = (record(tmp_path, seed, {}, ring=2e-5, noise=1e-6) for seed in (310, 311))
+    found = _tested(2, [fitted], [other], SIZES, (1.0,))
+    assert found is not None
+    assert found.confirmed
 
 
 def test_a_line_in_one_record_only_is_not_named(tmp_path: Path) -> None:
@@ -146,3 +155,12 @@ def test_an_error_of_a_few_waves_in_few_degrees_is_a_smooth_part(tmp_path: Path,
     assert one.transmission.smooth.bend > 1
     assert one.gain is not None
     assert one.gain.ratio > 1.5
+
+
+def test_finer_waves_are_as_long_as_the_angles_visited() -> None:
+    """Angles four times as wide and waves four times as long: the same errors are as likely, sample by sample."""
+    angle = 0.3 + 0.1 * np.random.default_rng(0).uniform(size=80)
+    narrow, wide = smooth_over(angle, 1e-4, 60.0), smooth_over(4 * angle, 1e-4, 15.0)
+    near, far = narrow.columns(angle), wide.columns(4 * angle)
+    np.testing.assert_allclose(near @ near.T, far @ far.T, atol=1e-9 * np.abs(near @ near.T).max())
+    assert narrow.cycles.min() == pytest.approx(2 * np.pi / (4 * np.ptp(angle)))
