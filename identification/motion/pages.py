@@ -25,7 +25,9 @@ def diagnosis_report(diagnosis: JointLogDiagnosis) -> str:
             for axis in diagnosis.axes for cause in (*axis.causes, *axis.alternatives)]
     tables = [ReportTable("Causes by probability", ["where", "effect", "in words", "parameters", "probability"], rows, (4,)),
               _stiffnesses([axis.stiffness for axis in diagnosis.axes])]
-    figures = [figure for axis in diagnosis.axes for figure in (_torque(axis), _time(axis), _spectrum(axis))]
+    # What is wrong is seen first.
+    seen = sorted(diagnosis.axes, key=lambda axis: ("named", "unknown", "ambiguous", "adequate").index(axis.verdict))
+    figures = [figure for axis in seen for figure in (_torque(axis), _time(axis), _spectrum(axis))]
     content = diagnosis.as_dict()
     logs = diagnosis.logs
     again = call("identify", diagnosis.cell.source, logs[0].source, *(
