@@ -108,14 +108,21 @@ def _axis(
         alternatives = tuple(cause for cause in alternatives if cause.shape.name != TransmissionError.name)
         causes = (*causes, transmission_cause(axis, named, found, records))
     predicting, causes = bool(causes), (*causes, *leap_causes(leaps))
-    before, after = whole.deflection - whole.plain @ solve(whole, whole.plain).coefficients, _left(axis, named)
+    # What a leap took is no misfit that the other causes explain.
+    told = axis_of(joint, records, BAND) if leaps else whole
+    before, after = told.deflection - told.plain @ solve(told, told.plain).coefficients, _left(axis, named)
     explained = 1 - float(np.var(after) / np.var(before))
     nearly = explained >= NEARLY_ALL and np.var(before) >= GROSS * np.var(after)
     if causes and (nearly or not left.patterns):
         # What happened at one moment predicts no other.
         gain = held_out(joint, BAND, named, found, records, validate)[0] if predicting else None
         return replace(answer, verdict="named", causes=causes, alternatives=alternatives, explained=explained, gain=gain)
-    damped = None if causes or leaps else _damped(axis, hypotheses)
+    if leaps:
+        # What happened at one moment is sure, whatever else is there.
+        events = leap_causes(leaps)
+        others = tuple(cause for cause in causes if cause.shape.effect not in [event.shape.effect for event in events])
+        return replace(answer, verdict="named", causes=events, alternatives=(*others, *alternatives), explained=explained)
+    damped = None if causes else _damped(axis, hypotheses)
     if damped is not None and not _remainder(axis, raw, damped, measured).patterns:
         return replace(answer, verdict="adequate", damping=cause_of(axis, damped, 0, 1.0), explained=explained)
     # Nothing is certain: a set of names where the likeliest of them leaves no pattern, else unknown.

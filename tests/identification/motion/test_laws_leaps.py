@@ -67,6 +67,22 @@ def test_a_zero_that_leaps_alone_is_all_there_is(tmp_path: Path) -> None:
     assert leap == {"effect": "encoder_slip", "record": log.source}
 
 
+@pytest.mark.parametrize("wave", [300.0, 500.0])
+def test_a_leap_is_sure_beside_what_nothing_explains(tmp_path: Path, wave: float) -> None:
+    """A deflection that goes up and down over the torque is no cause's; the zero has leapt all the same."""
+    values = columns(420, {}, noise=2e-6)
+    values["q2_link_deg"] = values["q2_link_deg"] - np.degrees(6e-5 * np.sin(values["q2_torque_nm"] / wave))
+    clean, log = (log_of(tmp_path / f"{name}.csv", each) for name, each in (
+        ("clean", values), ("log", slipped(values, 2e-4, 11.9))))
+    assert diagnose_axes([clean], replicates=19)[0].verdict == "unknown", "the case must be one"
+    one = diagnose_axes([log], replicates=19)[0]
+    assert one.verdict == "named"
+    assert [cause.shape.name for cause in one.causes] == ["encoder_slip"]
+    assert one.gain is None
+    assert one.left.patterns
+
+
+
 @pytest.mark.parametrize(("seed", "silent", "told"), [(420, (1, 3, -1), (4, -5)), (421, (1, 2, 3), (4, -6))])
 def test_a_leap_near_an_end_is_told_as_it_is_or_not_at_all(
     tmp_path: Path, seed: int, silent: tuple[int, ...], told: tuple[int, ...]
