@@ -268,7 +268,8 @@ def test_the_outlook_says_what_shows_and_what_never_does(plan: PlanOutlook) -> N
     wrist = [grades[f"bearing_tilt[{joint}]"] for joint in (4, 5)]
     assert [one.identifiable > 100 * one.detectable for one in wrist] == [True, True]
     assert set(plan.left_out) == {
-        "channel_delay", "joint_friction", "motor_inertia", "gear_damping", "hook_offset", "swinging_weight", "soft_track",
+        "channel_delay", "joint_friction", "motor_inertia", "gear_damping", "encoder_slip", "lost_samples", "torque_crosstalk",
+        "hook_offset", "swinging_weight", "soft_track",
         "load_friction", "unsettled_zero"}
     assert len(easy(plan)) >= 3
 
