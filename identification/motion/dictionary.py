@@ -32,8 +32,10 @@ SMEARED, SMEARED_SHARE = (0.0, 30.0, 100.0), (0.0, 0.015, 0.06)
 ROUNDED = (0.0, 0.6)
 # Quantiles of the standard normal distribution, equally likely.
 NORMAL = tuple(NormalDist().inv_cdf((k + 0.5) / 15) for k in range(15))
+# Names of the delays of two channels, as `label` gives them.
+LINK_DELAY, TORQUE_DELAY = "channel_delay (link)", "channel_delay (torque)"
 # What is in any motion beside the spring.
-ALWAYS = ("channel_delay (link)", "joint_friction", "motor_inertia")
+ALWAYS = (LINK_DELAY, "joint_friction", "motor_inertia")
 # Multiples of an effect's grid of torques, for gears whose torques are larger or smaller than the grid was made for, and from
 # which share of a log's largest torque on smaller ones are tried.
 WIDER, NARROWER, LEAST = (1.0, 4.0, 16.0), (1 / 64, 1 / 16, 1 / 4), 0.01
@@ -43,7 +45,7 @@ LAGS = ("hysteresis",)
 BY_THEMSELVES = (ChannelDelay.name, TransmissionError.name, EncoderSlip.name, LostSamples.name, TorqueCrosstalk.name)
 # Laws of which a log can tell one at most: two of a gear's compliance only mend each other's, and a torque that was recorded
 # early looks like a gear that is damped.
-EXCLUSIVE = ({"backlash", "soft_zone"}, {"gear_damping", "channel_delay (torque)"})
+EXCLUSIVE = ({"backlash", "soft_zone"}, {"gear_damping", TORQUE_DELAY})
 
 
 @dataclass(frozen=True, eq=False)

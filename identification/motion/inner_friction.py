@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from identification.model.effects.hysteresis import Hysteresis, slip_state
 from identification.motion.axis import Axis, solve
-from identification.motion.dictionary import Shape
+from identification.motion.dictionary import LINK_DELAY, Shape
 
 Array = NDArray[np.float64]
 # ln of the evidence (BIC) that the twist must have for friction inside.
 SEEN = 3.0
 # What is in the recorded deflection and no twist of the gear.
-NO_TWIST = ("channel_delay (link)", "transmission_error")
+NO_TWIST = (LINK_DELAY, "transmission_error")
 
 
 def without_torque_noise(axis: Axis) -> Axis:

@@ -18,6 +18,7 @@ from identification.motion.axis_diagnosis import AxisDiagnosis
 from identification.motion.band import BAND
 from identification.motion.causes import LogCause, cause_of, leap_causes, transmission_cause
 from identification.motion.crosstalk import with_crosstalk
+from identification.motion.dictionary import LINK_DELAY, TORQUE_DELAY
 from identification.motion.inner_friction import without_torque_noise
 from identification.motion.leaps import find_leaps, without
 from identification.motion.log_file import MotionLog
@@ -25,7 +26,7 @@ from identification.motion.prediction import held_out, model_columns
 from identification.motion.products import products
 from identification.motion.proxies import stands_for_torque, without_proxies
 from identification.motion.remainder import Remainder, remainder
-from identification.motion.search import LINK_DELAY, Hypothesis, fitted, survey
+from identification.motion.search import Hypothesis, fitted, survey
 from identification.motion.stiffness import axis_stiffness
 from identification.motion.transmission import ODDS, Transmission, evidence_beside, find_transmission
 from identification.motion.zeros import zero_shifts
@@ -135,7 +136,7 @@ def _axis(
 def _damped(axis: Axis, hypotheses: Hypotheses) -> Hypothesis | None:
     """A gear that is damped as gears are, where nothing else is as likely; a torque recorded early is the same column."""
     alone = {hypothesis.names: hypothesis for hypothesis in hypotheses if len(hypothesis.names) == 1}
-    damped, early = alone.get((GearDamping.name,)), alone.get(("channel_delay (torque)",))
+    damped, early = alone.get((GearDamping.name,)), alone.get((TORQUE_DELAY,))
     if damped is None:
         return None
     same = [one for one in (damped, early) if one is not None]

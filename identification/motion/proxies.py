@@ -17,14 +17,14 @@ from identification.model.effects.joint_friction import JointFriction
 from identification.model.effects.motor_inertia import MotorInertia
 from identification.model.effects.transmission_error import TransmissionError
 from identification.motion.axis import Axis, solve, straight_line
-from identification.motion.dictionary import Shape
+from identification.motion.dictionary import LINK_DELAY, Shape
 from identification.motion.smooth import Smooth
 from identification.motion.transmission import evidence_beside
 
 Array = NDArray[np.float64]
 # What may stand for the torque, and what beside it has no torque in it.
 PROXIES = (MotorInertia.name, TransmissionError.name)
-OF_THE_MOTION = (*PROXIES, JointFriction.name, "channel_delay (link)")
+OF_THE_MOTION = (*PROXIES, JointFriction.name, LINK_DELAY)
 
 
 def without_proxies(axis: Axis) -> Axis:

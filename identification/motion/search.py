@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 from identification.model.effects.channel_delay import ChannelDelay
 from identification.model.effects.joint_friction import JointFriction
 from identification.motion.axis import Axis, Solved
-from identification.motion.dictionary import EXCLUSIVE, Shape
+from identification.motion.dictionary import EXCLUSIVE, LINK_DELAY, Shape
 from identification.motion.products import Products, products
 
 Array = NDArray[np.float64]
 MOST_CAUSES = 4
 # Probability that an effect is at work, before the data.
 AT_WORK = 0.15
-LINK_DELAY = "channel_delay (link)"
 # Columns that are closer to one another than this are one: what they say cannot be divided between them.
 SAME = 1e-4
 
