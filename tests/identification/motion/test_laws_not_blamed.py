@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from identification.motion.axis import axis_of
+from identification.motion.causes import cause_of
 from identification.motion.inner_friction import without_torque_noise
 from identification.motion.log_file import MotionLog, read_motion_log
-from identification.motion.procedure import _needed, detection, diagnose_axes
+from identification.motion.procedure import _averaged, _needed, _told, detection, diagnose_axes
 from identification.motion.search import survey
 from identification.motion.smooth import smooth_over
 from identification.motion.transmission import find_transmission
@@ -160,3 +161,35 @@ def test_a_soft_gear_under_a_weight_is_no_error_over_the_angle(tmp_path: Path, s
     for smooth in (test.smooth, whole_turn):
         kept = _needed(replace(found, smooth_test=replace(test, smooth=smooth)), logs[:1])
         assert (kept.smooth is not None) == (ring > 0)
+
+
+def test_what_is_not_certain_beside_a_cause_is_in_its_spread(tmp_path: Path) -> None:
+    """Friction alone and friction beside a delay, as likely as one another, differ by 30 %: it lies between, and its sigma has
+    half of the difference. One that lies as far from nothing as it is uncertain is no name."""
+    axis = axis_of(2, [log_of(tmp_path / "log.csv", columns(10, {"joint_friction": 1.0}))])
+    place = [group[0].name for group in axis.dictionary].index("joint_friction")
+    alone = next(one for one in survey(axis) if one.names == ("joint_friction",))
+    coulomb = axis.plain.shape[1]
+    both = []
+    for share in (0.7, -0.9):
+        other = alone.solved.coefficients.copy()
+        other[coulomb:] *= share
+        moved = replace(alone, solved=replace(alone.solved, coefficients=other))
+        both.append([replace(one, probability=0.5) for one in (alone, moved)])
+    first, second = (cause_of(axis, one, 0, 1.0).values[0] for one in both[0])
+    cause = _averaged(axis, tuple(both[0]), place, cause_of(axis, alone, 0, 1.0))
+    assert cause.values[0] == pytest.approx((first + second) / 2)
+    assert abs(first - second) / 2 < cause.std[0] < 0.7 * abs(first - second)
+    assert [_told(axis, tuple(sets), place) for sets in both] == [True, False]
+
+
+@pytest.mark.parametrize(("late", "named"), [(2e-5, False), (1e-4, True)])
+def test_an_encoder_is_not_late_by_a_hundredth_of_a_sample(tmp_path: Path, late: float, named: bool) -> None:
+    """Clocks of 4 ms do not tell so little apart, however sure the share of the speed is."""
+    values = columns(9, {}, noise=3e-7)
+    values["q2_link_deg"] = values["q2_link_deg"] - late * np.gradient(values["q2_motor_deg"], values["time_s"])
+    axis = axis_of(2, [log_of(tmp_path / "log.csv", values)])
+    sets = survey(axis)
+    place = [group[0].name for group in axis.dictionary].index("channel_delay (link)")
+    assert sum(one.probability for one in sets if place in one.entries) > 0.95
+    assert _told(axis, sets, place) == named
