@@ -82,7 +82,6 @@ def test_a_leap_is_sure_beside_what_nothing_explains(tmp_path: Path, wave: float
     assert one.left.patterns
 
 
-
 @pytest.mark.parametrize(("seed", "silent", "told"), [(420, (1, 3, -1), (4, -5)), (421, (1, 2, 3), (4, -6))])
 def test_a_leap_near_an_end_is_told_as_it_is_or_not_at_all(
     tmp_path: Path, seed: int, silent: tuple[int, ...], told: tuple[int, ...]
@@ -110,6 +109,12 @@ def test_samples_that_are_missing_are_counted(tmp_path: Path, samples: int) -> N
     off = np.abs(mended.joints[2].deflection - whole)
     assert np.median(off) < 1e-9
     assert off.max() < 2e-4
+
+
+@pytest.mark.parametrize("noise", [4e-4, 8e-4, 1.6e-3])
+def test_a_sample_that_hides_in_the_noise_is_not_told(tmp_path: Path, noise: float) -> None:
+    """A sample's way is as long as the noise is high, or shorter: the search finds one, at another moment as often as not."""
+    assert find_leaps(2, [log_of(tmp_path / "log.csv", missing(columns(401, {}, seconds=12, noise=noise), 1, 1500))]) == ()
 
 
 def test_identify_says_what_it_took_out(tmp_path: Path) -> None:
