@@ -19,6 +19,7 @@ from compensator.path.arc_length import polyline
 from identification.common.added_targets import read_added
 from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, counted, error
+from identification.model.rotations import Frame
 
 Indices = NDArray[np.intp]
 # The path is looked at in pieces of this [m]; a place is as near as another within MARGIN [m], and elsewhere when the path
@@ -164,13 +165,22 @@ def _cut(predicted: Predicted) -> tuple[Array, Array]:
     """The cutting moves, those between two neighbours with force, in small steps: positions (k, 3) [m] in the work object and
     path lengths (k,) [m]."""
     path = predicted.path
-    points, length = polyline(path.toolpath.position, path.toolpath.move)
+    points, length = polyline(path.world_position, path.toolpath.move)
+    points = _resting_object(predicted).inverse().apply(path.axes.world_from_base.inverse().apply(points))
     total = float(length[-1]) if len(length) else 0.0
     step = max(STEP, total / MOST_STEPS)
     at = np.arange(0.0, total, step)
     _, _, _, inside = _between(predicted, at)
     at = at[inside]
     return np.column_stack([np.interp(at, length, axis) for axis in points.T]), at
+
+
+def _resting_object(predicted: Predicted) -> Frame:
+    """Where the work object that is cut in stands in the resting base, in which the path is given as a whole: joint moves and
+    moves in other work objects are on it, too."""
+    path, target = predicted.path, int(predicted.targets[0])
+    object_from_tcp = path.base_from_object[target].inverse() @ path.base_from_tcp[target]
+    return path.rest_from_tcp[target] @ object_from_tcp.inverse()
 
 
 def _between(predicted: Predicted, place: Array) -> tuple[Indices, Indices, Array, NDArray[np.bool_]]:
