@@ -3,7 +3,7 @@ that are called in another order, that no call leads to, branches, error handler
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,6 +23,7 @@ from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, counted, error, verb
 from identification.common.progress import progress
 
+Indices = NDArray[np.intp]
 # Of two orders of different length [share] a log by path length is of the one whose end it reaches to so much nearer.
 APART, NEARER = 0.02, 0.2
 # Samples of two ways are on the same place within this [m]; of positions those are of a way that lie on it but for this share.
@@ -40,6 +41,27 @@ HINT = ("log the column target, numbered by the text, or x_mm y_mm z_mm; or give
         "CONST bool")
 
 
+class AsDriven(NamedTuple):
+    """A log by the path length of the text, and the same rows, or more, `along` that of the path as it is driven: `run`, whose
+    targets are `order` (D,) of the text."""
+
+    log: ForceLog
+    along: ForceLog
+    run: RobotPath
+    order: Indices
+
+    @classmethod
+    def by_text(cls, log: ForceLog, path: RobotPath) -> AsDriven:
+        """A log that is placed in the order of the text."""
+        return cls(log, log, path, np.arange(len(path.toolpath)))
+
+    @classmethod
+    def in_other_order(cls, log: ForceLog, key: Key, driven: DrivenPath, said: Sequence[Finding] = ()) -> AsDriven:
+        """A log that is placed along the moves as driven. key: what placed it; said: of the way."""
+        by_text = in_text(log, key, driven)
+        return cls(replace(by_text, findings=(*by_text.findings, *said)), log, driven.run, driven.order)
+
+
 class _Placed(NamedTuple):
     """A log placed along one way; place (M,) [m]: by the path length of the text; unknown (M,): rows of no known place."""
 
@@ -50,7 +72,7 @@ class _Placed(NamedTuple):
     unknown: NDArray[np.bool_]
 
 
-def as_driven(log: ForceLog, path: RobotPath) -> ForceLog:
+def as_driven(log: ForceLog, path: RobotPath) -> AsDriven:
     """The log with the key `path_mm`, placed along the moves as they are driven, or as they stand in the text where the log
     fits that better. Rows of a move that was driven before are left out, so that of targets which are driven twice the first
     pass counts; so are rows whose place is another on each of several ways that the program may have gone.
@@ -58,37 +80,36 @@ def as_driven(log: ForceLog, path: RobotPath) -> ForceLog:
     Raises what `on_path` and `check_once` raise, and CompstiffError (CS3123) where that is nearly all of them.
     """
     if log.on_path or log.predicted is not None:
-        return on_path(log, path)
+        return AsDriven.by_text(on_path(log, path), path)
     if log.key == "target":
         return _by_targets(log, path)
     if path.toolpath.ways:
         return _along_ways(log, path)
     driven = driven_path(path)
     if driven is None or (log.key == "path_mm" and _of_text(float(log.place.max()), *driven.ends)):
-        return on_path(log, path)
+        return AsDriven.by_text(on_path(log, path), path)
     try:
         placed = on_path(log, driven.run)
     except CompstiffError as stopped:
         if any(finding.code == "CS3124" for finding in stopped.findings):
             raise       # the text may have the same move at its end, where nothing shows that the way is not known
-        return on_path(log, path)
+        return AsDriven.by_text(on_path(log, path), path)
     if log.key in ("position", "joints"):
         by_text = on_path(log, path)
         if np.isfinite(by_text.place).sum() > np.isfinite(placed.place).sum():
-            return by_text
-    return in_text(placed, log.key, driven)
+            return AsDriven.by_text(by_text, path)
+    return AsDriven.in_other_order(placed, log.key, driven)
 
 
-def _by_targets(log: ForceLog, path: RobotPath) -> ForceLog:
+def _by_targets(log: ForceLog, path: RobotPath) -> AsDriven:
     """A log that names targets: the way to the one ahead begins at the one that is driven before it."""
     driven, number = None if path.toolpath.ways else driven_path(path), log.place.astype(np.intp)
     if driven is None or path.cell.force_log.form.target == "nearest" or not np.isin(number, driven.order).all():
-        return on_path(log, path)
+        return AsDriven.by_text(on_path(log, path), path)
     again = check_once(log, number, driven.order)
     named, turn = np.unique(driven.order, return_index=True)
     by_turn = replace(log, place=turn[np.searchsorted(named, number)].astype(float))
-    placed = in_text(on_path(by_turn, driven.run), log.key, driven)
-    return replace(placed, findings=(*placed.findings, *again))
+    return AsDriven.in_other_order(on_path(by_turn, driven.run), log.key, driven, again)
 
 
 def _of_text(end: float, driven: float, text: float) -> bool:
@@ -96,13 +117,13 @@ def _of_text(end: float, driven: float, text: float) -> bool:
     return abs(driven - text) > APART * text and abs(end - text) < NEARER * abs(end - driven)
 
 
-def _along_ways(log: ForceLog, path: RobotPath) -> ForceLog:
+def _along_ways(log: ForceLog, path: RobotPath) -> AsDriven:
     """The log along that of several ways which it tells, or which the file's values lead to; else its rows that are on the same
     place on all of them."""
     ways = path.toolpath.ways
     placed = _fitting(log, list(_each_way(log, path))) if len(ways) > 1 else []
     if not placed:
-        return _not_followed(on_path(log, path))
+        return AsDriven.by_text(_not_followed(on_path(log, path)), path)
     chosen, key = placed[0], log.key
     if len(placed) == 1 or chosen.way.stated:
         said = _assumed(log, chosen.way, len(placed))
@@ -117,7 +138,9 @@ def _along_ways(log: ForceLog, path: RobotPath) -> ForceLog:
         log = chosen.log.rows(keep)
     log = replace(log, findings=(*log.findings, *said))
     order = chosen.way.order
-    return log if np.array_equal(order, np.arange(len(path.toolpath))) else in_text(log, key, chosen.driven)
+    if np.array_equal(order, np.arange(len(path.toolpath))):
+        return AsDriven.by_text(log, path)
+    return AsDriven.in_other_order(log, key, chosen.driven)
 
 
 def _each_way(log: ForceLog, path: RobotPath) -> Iterator[_Placed]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from compensator.forces.cut_direction import said_of_direction, travel
 from compensator.forces.detection import SIGMAS, over_noise, over_scatter, without_gaps
 from compensator.forces.driven_feed import said_of_feed
-from compensator.forces.driven_moves import as_driven
+from compensator.forces.driven_moves import AsDriven, as_driven
 from compensator.forces.edges import at_edges
 from compensator.forces.gaps import filled, short_gaps, without_sample_in_cut
 from compensator.forces.late_forces import said_of_delay
@@ -96,7 +96,8 @@ def place_forces(
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, CS3119 it goes twice over it, and what
     `as_driven` and `zero_of` raise.
     """
-    log, held = _without_held(as_driven(log, path), path)
+    driven = as_driven(log, path)
+    log, held = _without_held(driven.log, path)
     target = targets_of(log, path)
     on = target >= 0
     findings = [*check_once(log, target, path.toolpath.driven), *said_of_lost(log, on, path.toolpath.others)]
@@ -133,10 +134,17 @@ def place_forces(
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces, between),
                  *_in_air(log, path, forces),
                  *_driven_in_air(log, path, forces),
-                 *(said_of_feed(log, path, forced) if log.predicted is None else ()), *said_of_delay(log, path),
+                 *(_said_of_time(driven, forced) if log.predicted is None else ()),
                  *(_direction(log, path, cell, forced, wrench, mean) if log.predicted is None else ())]
     held = held[forces.samples[held] == 0]
     return replace(forces, held=held, findings=(*log.findings, *findings, *_held(held, path)))
+
+
+def _said_of_time(driven: AsDriven, forced: NDArray[np.bool_]) -> list[Finding]:
+    """What the time in a log says, along the moves as they were driven; forced (N,): targets with force."""
+    along = driven.along
+    along = along if along.held is None else along.rows(~along.held)
+    return [*said_of_feed(along, driven.run, forced[driven.order]), *said_of_delay(along, driven.run)]
 
 
 def _without_held(log: ForceLog, path: RobotPath) -> tuple[ForceLog, Indices]:

@@ -65,6 +65,26 @@ def test_the_side_of_the_stock_by_the_order_of_the_passes(climbs: bool, side: in
     assert (found[1:4] == side).all()
 
 
+def test_a_log_of_routines_in_another_order_is_late_or_slow_all_the_same(sample_inputs: Inputs) -> None:
+    """The way home stands in the text before the cut; the same log, as it is, late, and at half the feed."""
+    lines = sample_inputs.toolpath.read_text().splitlines()
+    moves = [k for k, line in enumerate(lines) if line.lstrip().startswith("Move")]
+    head, cut, home = lines[:moves[0]], lines[moves[0]:moves[-1]], lines[moves[-1]]
+    rest = lines[moves[-1] + 1:]
+    text = [*head, "Cut;", "Home;", "ENDPROC", "PROC Home()", home, "ENDPROC", "PROC Cut()", *cut, *rest]
+    cell = read_cell(sample_inputs.cell)
+    path = robot_path(read_rapid("\n".join(text).encode(), "insert.mod").toolpath, cell)
+    log = read_force_log(sample_inputs.forces, cell.force_log.form)
+    assert log.time is not None
+    late = np.roll(log.force, 150, axis=0)
+    told = []
+    for other in (log, replace(log, force=late, plain=late), replace(log, time=2 * log.time)):
+        codes = {finding.code for finding in place_forces(other, path, cell, tare=(1, 3)).findings}
+        assert "CS3122" in codes
+        told.append(codes & {"CS3072", "CS3073"})
+    assert told == [set(), {"CS3073"}, {"CS3072"}]
+
+
 def test_the_samples_log_late_and_turned(sample_inputs: Inputs) -> None:
     cell = read_cell(sample_inputs.cell)
     path = robot_path(read_rapid(sample_inputs.toolpath.read_bytes(), "insert.mod").toolpath, cell)
