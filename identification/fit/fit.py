@@ -25,7 +25,7 @@ from identification.fit.identifiability import (
 )
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
-from identification.fit.misfit import ModelCheck, model_check
+from identification.fit.misfit import REJECTED, ModelCheck, model_check
 from identification.fit.mistakes.judge import (
     NamedMistake,
     common_factor_findings,
@@ -64,6 +64,9 @@ LARGER_THAN_STATED = 2.0
 SMALLER_THAN_STATED, ENOUGH_READINGS = 0.25, 30
 # Chi-squared a reading under the stated noise from which mistakes in the files are looked for.
 WORTH_A_LOOK = 2.0
+# Validation rows that the fit is off by so many times what the prior is off by reject it: the prior is in the fit, so that of a
+# right model noise alone makes a part of that.
+FAR_WORSE = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,12 +168,15 @@ def fit_stiffness(
     if possible and not check.rejected:
         # The noise took the misfit up, and a mistake explains it better.
         check = replace(check, rejected=True, seen=possible[0])
-    grades = grade_joints(fitted, check)
     residual = measurements.deflection - predicted_deflection(every, fitted.mean)
     held_out = None
     if measurements.validate.any():
         literature = predicted_deflection(every, -np.log(cell.prior.stiffness))
         held_out = (rms((measurements.deflection - literature)[measurements.validate]), rms(residual[measurements.validate]))
+    not_better = _not_better(measurements.source, held_out)
+    if held_out is not None and held_out[1] > FAR_WORSE * held_out[0] and not check.rejected:
+        check = replace(check, rejected=True, seen=not_better[0].message)
+    grades = grade_joints(fitted, check)
     row_weight = np.where(measurements.validate, np.nan, 0.0)
     row_weight[identify] = fitted.row_weight
     figures = _figures(fitted, rms(residual[identify])) | {"model_check": check.as_dict()}
@@ -182,7 +188,7 @@ def fit_stiffness(
                             differs=figures["noise"]["setup_relative"], made_from=measurements.made_from)
     findings = (*measurements.findings, *_rejected(measurements.source, check), *mistaken,
                 *visit_findings(test, bad, measurements.source, _changed(whole, fitted)),
-                *_findings(fitted, grades, conflicts), *moving_zero(fitted), *_not_better(measurements.source, held_out),
+                *_findings(fitted, grades, conflicts), *moving_zero(fitted), *not_better,
                 *validation_findings(validation, measurements.source))
     return Fit(cell, measurements, model, fitted, residual, residual_std(every, fitted.components, np.exp(fitted.mean)),
                row_weight, grades,
@@ -252,8 +258,8 @@ def _rejected(source: str, check: ModelCheck) -> list[Finding]:
     """A model (CS1021) that does not explain the rows it was made from."""
     if not check.rejected:
         return []
-    why = f"(p = {check.p_value:.2g}): {check.seen}"
-    return [Finding("CS1021", "warning", f"six linear springs do not explain these rows {why}; "
+    chance = f" (p = {check.p_value:.2g})" if check.p_value < REJECTED else ""
+    return [Finding("CS1021", "warning", f"six linear springs do not explain these rows{chance}: {check.seen}; "
                     "no stiffness is graded reliable, and predict and correct refuse the file", file=source,
                     hint="compstiff diagnose looks for the cause; --extended writes the model that has it")]
 
