@@ -113,6 +113,7 @@ class Toolpath:
     ways       the several ways the program may go, the likeliest first; a single one that takes no branch: they are too many
     uncounted  (target, next one) between which the program drives to others, which are not counted; -1: before the first
     others     what of the program stands in other files
+    monitored  the controller stops where a linear move arrives in another configuration than the text names (no ConfL\\Off)
     cutters    those that the file states for these targets; RAPID and tables state none
     """
 
@@ -142,6 +143,7 @@ class Toolpath:
     uncounted: tuple[tuple[int, int], ...] = ()
     others: OtherFiles = OtherFiles()
     cutters: tuple[StatedCutter, ...] = ()
+    monitored: bool = False
 
     @property
     def number(self) -> Indices:

@@ -45,6 +45,8 @@ Indices = NDArray[np.intp]
 FEW, QUIET, LEAST = 5, 0.2, 5.0
 # Tools that are no farther apart than this [m, rad] are one; one shorter than this [m] is given in metres.
 SAME_TOOL, SAME_TURN, SHORT_TOOL = 1e-3, np.radians(0.5), 2e-3
+# The cutters of one spindle stand beside its axis by no more than this [m], and tilted by no more (engineering judgement).
+BESIDE_AXIS, TILTED = 5e-3, np.radians(2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,15 +298,27 @@ def other_tools(path: RobotPath, which: NDArray[np.bool_], of_moves: str = "with
         apart = path.cell.flange_from_tcp.inverse() @ flange_from_tcp
         off, turn = float(np.linalg.norm(apart.position)), float(np.arccos(np.clip((np.trace(apart.rotation) - 1) / 2, -1, 1)))
         if off > SAME_TOOL or turn > SAME_TURN:
-            short = 0 < np.linalg.norm(flange_from_tcp.position) < SHORT_TOOL
-            hint = "is its tooldata in metres?" if short else ""
-            if off <= SAME_TOOL:
-                hint = _order(path.cell.flange_from_tcp, flange_from_tcp)
+            hint = _no_other_cutter(path.cell.flange_from_tcp, flange_from_tcp, apart)
             findings.append(Finding(
                 "CS2055", "warning" if hint else "note", f"the tool of {counted(len(places), 'move')} {of_moves} is "
                 f"{1e3 * off:.1f} mm and {np.degrees(turn):.1f} deg from cell.yaml's; the program's is used",
                 file=path.toolpath.source, hint=hint))
     return findings
+
+
+def _no_other_cutter(of_cell: Frame, of_program: Frame, apart: Frame) -> str:
+    """What a tool may be that is not the cell's, nor one that differs from it along its axis alone, as other cutters in the
+    same spindle do; "" for one of those."""
+    if not of_program.position.any():
+        return "its TCP is the flange, as that of tool0: do the moves name the tool?"
+    if np.linalg.norm(of_program.position) < SHORT_TOOL:
+        return "is its tooldata in metres?"
+    beside, tilt = float(np.linalg.norm(apart.position[:2])), float(np.arccos(np.clip(apart.rotation[2, 2], -1, 1)))
+    if np.linalg.norm(apart.position) <= SAME_TOOL and (order := _order(of_cell, of_program)):
+        return order
+    return "" if beside <= BESIDE_AXIS and tilt <= TILTED else (
+        f"another cutter in the same spindle differs along its axis alone, this tool stands {1e3 * beside:.0f} mm beside it, "
+        f"tilted by {np.degrees(tilt):.0f} deg: is it the tool of this cell?")
 
 
 def _order(of_cell: Frame, of_program: Frame) -> str:

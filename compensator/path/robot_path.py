@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # Two neighbouring targets of a linear move never turn a joint farther than this [rad]; a branch that would is left.
 LARGEST_STEP = np.radians(90.0)
+# A program names its configurations, unless more than this share of its targets is in another one.
+MOST_DIFFER = 0.5
 # A frame that is nearer to the origin of the world than this [m], and not in it: robots stand and parts lie farther off.
 IN_METRES = 5e-3
 
@@ -280,10 +282,12 @@ def _follow(
         differs[part] = (configuration(robot, theta[few])[:, :3] != toolpath.confdata[few, :3]).any(axis=1)
     if differs.any():
         first = turned[np.argmax(differs)]
+        stops = toolpath.monitored and toolpath.others.started and differs.mean() > MOST_DIFFER
         findings.append(Finding(
-            "CS4002", "note", f"{counted(int(differs.sum()), 'target')} with another configuration (cf1 cf4 cf6) than the one "
-            f"linear moves arrive in; the continuous one was used", file=toolpath.source, line=int(toolpath.line[first]),
-            target=int(first)))
+            "CS4002", "warning" if stops else "note", f"{counted(int(differs.sum()), 'target')} with another configuration "
+            "(cf1 cf4 cf6) than the one linear moves arrive in; the continuous one was used", file=toolpath.source,
+            line=int(toolpath.line[first]), target=int(first), hint="without ConfL\\Off the controller stops there: are work "
+            "object, tool and robot those that the program was made for?" if stops else ""))
     return findings
 
 

@@ -93,6 +93,7 @@ def read_rapid(data: bytes, name: str = "program.mod", beside: Beside | None = N
         switched=tuple((first, unit, on) for first, unit, on, _ in scanned.units),
         together=together if together.any() else None, driven=runs.order,
         ways=_ways(source, runs), uncounted=runs.uncounted, others=_others(scanned, elsewhere),
+        monitored=not scanned.unmonitored,
     )
     read_only(position, quaternion, toolpath.external, toolpath.joints, line, column, block, toolpath.confdata, has_confdata)
     return RapidProgram(toolpath, source, scanned, values, rows, runs)

@@ -78,6 +78,7 @@ class Scan:
     units: list[tuple[int, str, bool, int]] = field(default_factory=list)
     others: list[tuple[str, int]] = field(default_factory=list)     # further motion instructions: name, offset
     modules: list[int] = field(default_factory=list)                # where each MODULE begins
+    unmonitored: bool = False                                       # ConfL\\Off stands somewhere
     stray: int = -1                                                 # offset of text that is no statement
     _known_tails: dict[tuple[object, ...], int] = field(default_factory=dict)
 

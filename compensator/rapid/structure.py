@@ -165,6 +165,8 @@ class Statements:
             self.scan.offsets.append((len(self.scan.move), AXIS_OFFSET[name]))
         elif name in UNIT_SWITCH:
             self.scan.units.append((len(self.scan.move), words[1].word, UNIT_SWITCH[name], words[0].start))
+        elif name == "confl":
+            self.scan.unmonitored |= any(word.word == "off" for word in words)
         elif MOTION.fullmatch(name):
             self.scan.others.append((name, words[0].start))
         self.scan.uses.reads(words[1:], self.scan.scope, name)

@@ -32,6 +32,8 @@ FORMAT = "compstiff-stiffness"
 ALL = slice(None)
 JOINT_NAMES = tuple(f"k{i}" for i in range(1, 7))
 NORMAL_97_5 = 1.959963984540054
+# A misfit at least so likely by chance is not what rejects a model.
+UNLIKELY = 1e-3
 # What the robot's own weight adds, sagging and moved by the load, in shares of the deviation: 1 sigma where the robot file has
 # no `links`. Engineering judgement: 0.1 to 0.4 % on the IRB 6660 of the tests, part of which the springs take up.
 UNKNOWN_WEIGHT = 2e-3
@@ -101,7 +103,7 @@ class IdentifiedModel:
         if not isinstance(check, dict) or check.get("rejected") is not True:
             return ""
         p_value = check.get("p_value")
-        probability = f"p = {p_value:.2g}: " if isinstance(p_value, int | float) else ""
+        probability = f"p = {p_value:.2g}: " if isinstance(p_value, int | float) and p_value < UNLIKELY else ""
         return f"{probability}{check.get('seen') or 'it does not explain them'}"
 
     @property

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from compensator.path.robot_path import RobotPath, robot_path
@@ -87,3 +88,17 @@ def test_the_many_joint_moves_of_a_long_program_are_quick(tmp_path) -> None:
     plan = planned(tmp_path, *moves)
     assert time.process_time() - start < 10
     assert plan.reached.all()
+
+
+@pytest.mark.parametrize(("before", "own", "level"), [
+    ("", 1, "warning"),                         # the controller checks, and nearly all are elsewhere
+    ("ConfL\\Off;", 1, "note"),                 # it does not
+    ("ConfL\\On;", 1, "warning"),
+    ("", 4, "note"),                            # most are as they are named
+])
+def test_a_controller_that_checks_configurations_stops(tmp_path, before: str, own: int, level: str) -> None:
+    """`own` of seven targets are named as they are."""
+    steps = [[10.0, 20, 30, 178 + 2 * i, -50, 60] for i in range(7)]
+    plan = planned(tmp_path, joint(steps[0]), before, *(linear(theta, None if k < own else [0, 0, 0, 0])
+                                                        for k, theta in enumerate(steps[1:], 1)))
+    assert [finding.level for finding in plan.findings if finding.code == "CS4002"] == [level]
