@@ -24,6 +24,7 @@ from compensator.correction.if_another import IfAnother
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.settings import Settings
 from compensator.cutting.materials import MATERIALS
+from compensator.forces.cut_direction import cut_direction
 from identification.common.arrays import Array
 from identification.common.findings import Finding
 from identification.model.cell_file import CuttingFile
@@ -46,6 +47,7 @@ class TakenAsGiven:
     power: float | None
     sections: dict[str, float]
     unstated: str = ""              # what nothing is said of, so that it is in no sigma
+    direction: str = ""             # of the force against the feed, and what cut that is
     of_stock: str = ""              # of forces that were predicted: what is cut, and what another stock would mean
 
     @property
@@ -63,6 +65,7 @@ class TakenAsGiven:
         """One sentence each: robot, part, cut, and what is taken for exact."""
         cut = self.of_stock or (self.cut if self.force else "")
         return [f"robot: {self.robot}", f"part: {self.place}", *([f"cut: {cut}"] if cut else []),
+                *([f"force on the tool: {self.direction}"] if self.direction else []),
                 *([f"taken as exact, as cell.yaml says nothing of it: {self.unstated}"] if self.unstated else [])]
 
     def lines(self) -> list[str]:
@@ -105,7 +108,13 @@ def taken_as_given(loaded: LoadedPath, settings: Settings, another: IfAnother | 
     across = np.linalg.norm(force - axis * np.einsum("ni,ni->n", force, axis)[:, None], axis=1)
     rpm = settings.log.spindle_rpm or cell.force_log.form.spindle_rpm
     power, sections = _cut(across, path.toolpath.feed[targets], cell.cutting, rpm)
-    return TakenAsGiven(robot, place, float(np.median(across)), power, sections, _unstated(loaded))
+    return TakenAsGiven(robot, place, float(np.median(across)), power, sections, _unstated(loaded), _direction(loaded))
+
+
+def _direction(loaded: LoadedPath) -> str:
+    """The mean force against the feed, which whoever knows the cut can compare: a sensor that is turned shows another cut."""
+    found = cut_direction(loaded.path, loaded.forces.wrench[:, :3], loaded.forces.forced)
+    return "" if found is None else f"on average {found.words}" + (f", as in {found.looks}" if found.looks else "")
 
 
 def _unstated(loaded: LoadedPath) -> str:

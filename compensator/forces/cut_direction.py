@@ -43,6 +43,10 @@ MOST_OUT = 1.0
 # some degrees of margin.
 NEVER_ON_SIDE = {1: (np.radians(160.0), np.radians(350.0)), -1: (np.radians(-110.0), np.radians(80.0))}
 KIND = {1: "climbs", -1: "mills conventionally"}
+# The kinds of cut by the angle of the force to the left of the feed, up to so many degrees: half way between those of cutters
+# with the coefficients of docs/cutting.md, 79 degrees with half of the diameter in a climb cut, 116 in a slot, 156 and 190.
+LIKE = ((66.0, "climb milling of little engagement"), (97.0, "climb milling of half the diameter"), (136.0, "a slot"),
+        (170.0, "conventional milling of half the diameter"), (360.0, "conventional milling of little engagement"))
 # So many targets with force are needed; the mean force across the axis is at least this share of its RMS; for the frame the
 # feed must turn (1 less the length of the mean of its doubled angle's unit vector), and another frame must keep at least this
 # share of the force, TOLD times what the stated one does.
@@ -88,6 +92,14 @@ class CutDirection:
     def words(self) -> str:
         """The mean force, for people."""
         return f"{self.along:+.0f} N along the feed and {self.left:+.0f} N to its left, {self.up:+.0f} N towards the spindle"
+
+    @property
+    def looks(self) -> str:
+        """The kind of cut that the force is most like, of a cutter that turns clockwise; "" where it is none, or not steady."""
+        if self.share < STEADY or self.impossible:
+            return ""
+        turned = np.degrees(self.angle) % 360
+        return next(words for end, words in LIKE if turned <= end)
 
     @property
     def turned_over(self) -> CutDirection:

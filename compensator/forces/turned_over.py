@@ -20,6 +20,7 @@ from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
 from identification.common.findings import Finding
 from identification.model.cell import Cell
+from identification.model.quaternion_order import other_order
 
 # A cutter is flat whose corner is at most this share of its radius, a way level that climbs by less than this share of it; the
 # mean force towards the spindle is more than such a share of that across it: of the sets of coefficients that materials.py
@@ -29,6 +30,8 @@ FLAT, LEVEL, PUSHED = 0.1, 0.02, 0.15
 # where the factor lies between these and this share of their energy is left at most; another reading is named that leaves so
 # much less.
 AWAY, ACROSS, FACTOR, FITS, LESS = 0.1, 0.3, (0.7, 1.4), 0.15, 4.0
+# No edge of a cutter is farther from its tip [m] (engineering judgement: half a face mill, and its depth).
+LONGEST_ARM = 0.12
 
 
 def said_of_mirror(cuts: Travel | None, force: Array, source: str) -> list[Finding]:
@@ -77,8 +80,10 @@ def said_of_moments(
 ) -> list[Finding]:
     """A warning (CS3127) where the moments are not those of the force at the tool's tip. load (N, 6) [N, N m] in the log's
     axes; base_from_axes (N, 3, 3); lever (N, 3) [m]: from the log's origin to the tip, base frame."""
-    if cell.force_log.kind != "sensor" or not forced.any():
+    if not forced.any():
         return []
+    if cell.force_log.kind != "sensor":
+        return _of_no_cutter(load[forced], cell, source)
     arm = np.einsum("nji,nj->ni", base_from_axes, lever)[forced]
     force, moment = load[forced, :3], load[forced, 3:]
     made = np.cross(arm, force)
@@ -100,9 +105,43 @@ def said_of_moments(
         how = f"with {' and '.join(turned)} turned over they would be, {other:.2f} times"
     elif left <= FITS:
         how = f"they are {factor:.2f} times those"
+    elif turn := _fitting_turn(cell, arm, force, moment, left):
+        how = f"with {turn} they would be"
     else:
         how = f"{100 * left:.0f} % of them is not"
     return [Finding(
         "CS3127", "warning", f"the moments in this log are not those of its forces at the tool's tip: {how}", file=source,
-        hint="are the force and the moment columns of one unit and gain, their axes those of the sensor, and is "
-        "force_log.sensor_position_mm right? A known weight on the tool tells")]
+        hint="are the force and the moment columns of one unit and gain, their axes those of the sensor, and are "
+        "force_log.sensor_position_mm and sensor_quaternion right (sensor in the flange frame)? A known weight on the tool "
+        "tells")]
+
+
+def _fitting_turn(cell: Cell, arm: Array, force: Array, moment: Array, left: float) -> str:
+    """Another turn of the sensor that would make the moments those of the forces, in words; "" for none. arm (k, 3) [m] to the
+    tip, force and moment (k, 3) [N, N m], the sensor's axes as stated; left: what the stated turn leaves of the moments."""
+    if cell.force_log.flange_from_sensor is None:
+        return ""
+    stated = cell.force_log.flange_from_sensor.rotation
+    turns = {"force_log.sensor_quaternion turned the other way (it is the sensor's in the flange frame)": stated.T,
+             "force_log.sensor_quaternion read as x y z w": other_order(stated), "a sensor that is not turned": np.eye(3)}
+    found = {}
+    for words, turn in turns.items():
+        own = np.cross(arm @ (turn.T @ stated).T, force)
+        factor = float(np.sum(own * moment) / np.sum(own**2))
+        found[words] = float(np.sum((moment - factor * own) ** 2) / np.sum(moment**2)) if (
+            FACTOR[0] < factor < FACTOR[1]) else np.inf
+    best = min(found, key=lambda words: found[words])
+    return best if found[best] <= FITS and left > LESS * found[best] else ""
+
+
+def _of_no_cutter(load: Array, cell: Cell, source: str) -> list[Finding]:
+    """A warning (CS3127) where moments that are said to be about the tool's tip have an arm that no cutter has. load (k, 6)
+    [N, N m] as logged."""
+    force, moment = (float(np.sqrt(np.mean(np.sum(part**2, axis=1)))) for part in (load[:, :3], load[:, 3:]))
+    if moment <= LONGEST_ARM * force:
+        return []
+    return [Finding(
+        "CS3127", "warning", f"the moments in this log are {1e3 * moment / force:.0f} mm times its forces (RMS), and in the "
+        f"frame {cell.force_log.kind} about the tool's tip: no cutting edge is so far from it", file=source,
+        hint="are they about the sensor's own origin, and along its own axes? Then force_log.frame: sensor, with "
+        "sensor_position_mm and sensor_quaternion")]

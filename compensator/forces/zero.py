@@ -23,6 +23,10 @@ from identification.model.rotations import Frame
 # A log whose quiet targets show less than this share of a weight does not hold it, if taking it off leaves them the rest.
 NOT_IN_LOG = 0.2
 NOTHING = (np.zeros((0, 3)), np.zeros((0, 3)))
+# A bias takes a weight of so many newtons back where it is such a share of it and stands aside by no more than that share; the
+# weight that is left is that of another unit within this share (engineering judgement: sensors' zeros are some per cent of it).
+HEAVY, TAKEN_BACK, ASIDE, SAME_UNIT = 50.0, (0.5, 0.97), 0.15, 0.3
+UNITS = {"kgf": FREE_FALL, "lbf": 4.4482216}
 # A noise told by fewer degrees of freedom is not taken by them alone: by four it may be told three times too small.
 FEW = 8
 
@@ -109,6 +113,7 @@ def zero_of(
         biases = air.mean - _per_stretch(held, rows, tare)
         bias = biases.mean(axis=0)
         findings += _tared(log, biases, bias, mass, tare)
+        findings += _taken_back(log, bias[:3], _per_stretch(held, rows, tare)[:, :3].mean(axis=0), mass)
     else:
         bias = np.zeros(6) if form.bias is None else form.bias.copy()
         bias[3:] *= log.has_moment
@@ -204,6 +209,23 @@ def _tared(log: ForceLog, biases: Array, bias: Array, mass: float | None, tare: 
                                 f"from their mean by up to {apart:.1f} N", file=log.source,
                                 hint="is the mass right, and its weight still in the log (force_log.weight)?"))
     return findings
+
+
+def _taken_back(log: ForceLog, bias: Array, held: Array, mass: float | None) -> list[Finding]:
+    """A warning (CS3130) where a tare's bias (3,) [N] takes back a part of the weight held (3,) [N] in its stretches, and
+    nothing else: it is not in the log as it is stated. All of it a sensor has that was zeroed with the tool on."""
+    heavy = float(np.linalg.norm(held))
+    if not mass or heavy < HEAVY:
+        return []
+    share = -float(bias @ held) / heavy**2
+    if not TAKEN_BACK[0] < share < TAKEN_BACK[1] or np.linalg.norm(bias + share * held) > ASIDE * heavy:
+        return []
+    unit = next((f"; forces in {unit} would be so" for unit, newton in UNITS.items()
+                 if abs((1 - share) * newton - 1) < SAME_UNIT), "")
+    return [Finding("CS3130", "warning", f"the bias takes {100 * share:.0f} % of the weight of {mass:g} kg back: the log shows "
+                    f"{(1 - share) * heavy:.0f} of {heavy:.0f} N{unit}", file=log.source,
+                    hint="are the forces in newtons, and is force_log.mass_kg what hangs on the sensor? A sensor that was "
+                    "zeroed with the tool on takes all of it back")]
 
 
 def _weighed(log: ForceLog, form: ForceLogFrame, mass: float, mean: Array, held: Array, *, tared: bool) -> Finding:

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.cut_direction import FRAMES, drawn, read_as
 from compensator.correction.files import Inputs
-from compensator.forces.cut_direction import NEVER, cut_direction, said_of_direction, travel
+from compensator.forces.cut_direction import NEVER, CutDirection, cut_direction, said_of_direction, travel
 from compensator.forces.placement import place_forces, read_force_log
 from compensator.path.robot_path import robot_path
 from compensator.rapid import read_rapid
@@ -40,6 +40,22 @@ def test_no_engagement_pushes_forwards_and_to_the_right(climb: bool) -> None:
     if climb:
         assert all(turned[8.0])
         assert not any(turned[0.3])
+
+
+@pytest.mark.parametrize(("climb", "widths", "words"), [
+    (True, (0.2, 0.5, 1.0), "climb milling of little engagement"), (True, (8.0,), "climb milling of half the diameter"),
+    (True, (15.0, 16.0), "a slot"), (False, (16.0,), "a slot"),
+    (False, (0.2, 1.0, 4.0), "conventional milling of little engagement"),
+    (False, (8.0,), "conventional milling of half the diameter"),
+])
+def test_the_kind_of_cut_is_told_in_words(climb: bool, widths: tuple[float, ...], words: str) -> None:
+    """Of a sharp cutter of 16 mm, by its mean force."""
+    mill = EndMill(runout_mm=(0.0, 0.0, 0.0))
+    for width in widths:
+        side = mill.rim_mm[:, 1] if climb else -mill.rim_mm[:, 1]
+        along, left, up = mill.mean_force(mill.coverage(width - mill.radius_mm - side), 3.0)
+        assert CutDirection(along, left, -up, share=0.9, follows=0.8, turns=0.5, targets=100).looks == words
+    assert CutDirection(along, left, -up, share=0.1, follows=0.1, turns=0.5, targets=100).looks == ""
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from time import process_time
 from types import SimpleNamespace
@@ -277,6 +278,26 @@ def test_air_stretches_of_other_orientations_give_mass_and_centre(tmp_path) -> N
     # One stretch cannot: the weight that tilts away from it is left in the cut.
     left = place_forces(log, plan, plan.cell, tare=(0, 0), trust_tare=True).wrench[5:9, :3] - CUT[5:9, :3]
     assert np.linalg.norm(left, axis=1).min() > 20
+
+
+@pytest.mark.parametrize(("newton", "off", "zeroed", "said"), [
+    (1.0, 0.0, False, None), (1.0, 0.0, True, None), (9.80665, 0.0, False, "kgf"), (4.44822, 0.0, False, "lbf"),
+    (1.0, 0.7, False, "the log shows"), (9.80665, 0.0, True, None),
+])
+def test_a_weight_that_the_tare_takes_back_is_said(
+    tmp_path: Path, newton: float, off: float, zeroed: bool, said: str | None
+) -> None:
+    """A tool of 12.4 kg on a sensor without a bias, whose log is in units of so many newtons; one that weighs less by a share
+    `off`; one that was zeroed with the tool on, which holds no weight."""
+    plan = tilted_plan(tmp_path, CELL + SENSOR % STATED.replace("bias_n: [14, -31, 55], bias_nm: [0.6, -1.4, 0.25], ", ""))
+    log = read_force_log(pass_log(tmp_path, plan, 0 * CUT, noise=0.2))
+    fall = SENSOR_TURN.inv().apply(kit.Rotation.from_matrix(plan.base_from_flange.rotation[0]).inv().apply([0, 0, -9.80665]))
+    logged = (log.force - BIAS[:3] - (zeroed + off) * MASS * fall) / newton
+    said_of = place_forces(replace(log, force=logged, plain=logged, moment=0 * logged, has_moment=False), plan, plan.cell,
+                           tare=(0, 0), trust_tare=True).findings
+    found = [finding.message for finding in said_of if finding.code == "CS3130"]
+    assert len(found) == (said is not None)
+    assert all(str(said) in message for message in found)
 
 
 def test_air_stretches_that_say_nothing_or_contradict_are_said(tmp_path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from benchmarks.turned_over import drawn
 from compensator.forces.cut_direction import travel
@@ -103,3 +104,36 @@ def test_placed_forces_ask_the_moments(tmp_path: Path, gain: float) -> None:
     (tmp_path / "forces.csv").write_text(log_text("target,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm", rows))
     found = place_forces(read_force_log(tmp_path / "forces.csv"), path, cell).findings
     assert ("CS3127" in {finding.code for finding in found}) == (gain != 1.0)
+
+
+@pytest.mark.parametrize(("stated", "said"), [
+    ("[0.8660254, 0, 0, 0.5]", None), ("[0.8660254, 0, 0, -0.5]", "turned the other way"),
+    ("[0, 0, 0.5, 0.8660254]", "read as x y z w"),
+])
+def test_a_sensor_that_is_turned_otherwise_is_told_by_its_moments(tmp_path: Path, stated: str, said: str | None) -> None:
+    """It stands turned by 60 degrees about the flange's z; the tip lies aside of its axis."""
+    (tmp_path / "cell.yaml").write_text(CELL + f"force_log: {{frame: sensor, sensor_quaternion: {stated}, "
+                                        "sensor_position_mm: [0, 0, 0]}\n")
+    cell = read_cell(tmp_path / "cell.yaml")
+    sensor = Rotation.from_euler("z", 60, degrees=True).as_matrix()
+    load, arm = load_of()
+    arm = arm + np.array([0.1, 0, 0])
+    load[:, 3:] += np.cross([0.1, 0, 0], load[:, :3])
+    logged = np.concatenate([load[:, :3] @ sensor, load[:, 3:] @ sensor], axis=1)
+    assert cell.force_log.flange_from_sensor is not None
+    axes = np.broadcast_to(cell.force_log.flange_from_sensor.rotation, (len(load), 3, 3))
+    found = said_of_moments(logged, axes, arm, np.ones(len(load), dtype=bool), cell, "log")
+    assert [finding.code for finding in found] == ([] if said is None else ["CS3127"])
+    assert all(str(said) in finding.message for finding in found)
+
+
+@pytest.mark.parametrize(("kind", "away", "said"), [("tool", 0.0, False), ("base", 0.0, False), ("tool", 0.25, True)])
+def test_about_the_tip_no_moment_has_a_long_arm(tmp_path: Path, kind: str, away: float, said: bool) -> None:
+    """A cutter of 8 mm radius; moments that are about the tip, and about a sensor 250 mm behind it."""
+    (tmp_path / "cell.yaml").write_text(CELL + f"force_log: {{frame: {kind}}}\n")
+    load, arm = load_of()
+    load[:, 3:] -= np.cross(arm, load[:, :3])
+    load[:, 3:] += np.cross([0, 0, away], load[:, :3])
+    axes = np.broadcast_to(np.eye(3), (len(load), 3, 3))
+    found = said_of_moments(load, axes, 0 * arm, np.ones(len(load), dtype=bool), read_cell(tmp_path / "cell.yaml"), "log")
+    assert [finding.code for finding in found] == (["CS3127"] if said else [])
