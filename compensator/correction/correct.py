@@ -28,7 +28,7 @@ from compensator.correction.waiting import Waiting, told, waiting
 from compensator.correction.worse import risk_of
 from compensator.path.feasibility import FeedCheck, check_feed, judge
 from compensator.rapid import read_rapid, rewrite, with_marks
-from identification.common.findings import Finding, Refused, counted
+from identification.common.findings import CompstiffError, Finding, Refused, counted
 from identification.model.controller import check_rapid
 
 Array = NDArray[np.float64]
@@ -157,6 +157,13 @@ def correct(planned: Predicted) -> Corrected:
     (3190, '0.326 mm')
     """
     check_rapid(planned.path.cell.robot, "correct writes RAPID", str(planned.program.source or planned.path.cell.source))
+    try:
+        return _corrected(planned)
+    except CompstiffError as stopped:
+        raise stopped.beside(planned.findings) from stopped
+
+
+def _corrected(planned: Predicted) -> Corrected:
     settings, feed_settings = planned.settings.correction, planned.settings.feed
     logged, sent = logged_pass(planned)
     cornered, of_corners = with_zones(sent)

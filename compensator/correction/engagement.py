@@ -301,7 +301,8 @@ def _refuse_what_does_not_fit(predicted: Predicted, growth: Array, stiffness: Ar
         "CS4123", "error", f"with a cutting stiffness of {1e-3 * stiffness[worst]:g} N/mm the force here would change by "
         f"{100 * growth[worst]:.0f} %, expected less than 100 %", file=toolpath.source, line=int(toolpath.line[worst]),
         target=int(toolpath.number[worst]),
-        hint="the unit is newton per millimetre of depth; about force divided by depth of cut"))
+        hint="are the forces of the log in newtons? The stiffness is in newton per millimetre of depth, about force divided by "
+        "depth of cut"))
 
 
 def _engaged(

@@ -8,6 +8,7 @@ Library code never prints: it returns findings, or raises `CompstiffError` with 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -84,6 +85,11 @@ class CompstiffError(ValueError):
             raise TypeError("CompstiffError needs at least one Finding")
         self.findings = findings
         super().__init__("\n".join(str(finding) for finding in findings))
+
+    def beside(self, findings: Iterable[Finding]) -> CompstiffError:
+        """The same, with the warnings that were noticed before: they may be the reason."""
+        known = set(self.findings)
+        return type(self)(*self.findings, *(one for one in findings if one.level == "warning" and one not in known))
 
 
 class Refused(CompstiffError):

@@ -417,6 +417,18 @@ def test_another_tool_in_the_cell_is_said_by_check_as_by_correct(tmp_path: Path)
         assert "20.0 mm" in found[0]["message"]
 
 
+def test_what_was_noticed_before_an_error_is_told_beside_it(tmp_path: Path) -> None:
+    """A cutting stiffness that nothing fits, in a program whose tool is none of this cell: the second may be the reason."""
+    job = workshop(ROBOTS[1])
+    aside = {"cell.yaml": job.files["cell.yaml"].replace("-20.0000", "20.0000")}
+    assert aside["cell.yaml"] != job.files["cell.yaml"]
+    result = job.run(tmp_path, aside, *call("--cutting-stiffness", "10000"))
+    codes = [finding["code"] for finding in result.json["findings"]]
+    assert result.code == 1
+    assert codes[0] == "CS4123"
+    assert codes.count("CS2055") == 1
+
+
 @pytest.mark.parametrize("written", [True, False])
 def test_the_call_in_the_report_names_the_offsets_that_were_written(tmp_path: Path, written: bool) -> None:
     offsets = ("--offsets", "@mine.csv") if written else ()
