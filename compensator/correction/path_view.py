@@ -226,7 +226,10 @@ def _texts(program: RapidProgram, lines: Indices, drawn: Sequence[Quantity]) -> 
 
 def _picture(where: Array, quantity: Quantity, label: str, marked: Array, names: Sequence[str]) -> Markup:
     """The path from one side: grey without force, else by a quantity's colour; places marked (m, 3) with their names."""
-    project = Projection.fitting(where) if np.isfinite(where).any() else Projection.fitting(np.zeros((1, 3)))
+    cut = where[np.isfinite(quantity.values) & np.isfinite(where).all(axis=1)]
+    # What is cut fills the picture, without the way there from home.
+    seen = cut if len(cut) > 1 else where
+    project = Projection.fitting(seen if np.isfinite(seen).any() else np.zeros((1, 3)))
     x, y = project(where)
     size = np.abs(quantity.values)
     share = np.nan_to_num(BINS * size / quantity.limit, nan=-1.0)

@@ -34,7 +34,10 @@ class PathView {
       c => position[c * count + i] === MISSING ? NaN : position[c * count + i] * data.step_mm));
     this.length = Array.from(length, value => value * data.step_mm);
     this.values = values.map((raw, q) => Array.from(raw, value => value === MISSING ? null : value * data.quantities[q].step));
-    this.space = new SpaceView(stage, Float32Array.from(this.place.flat()), data.title);
+    const all = Float32Array.from(this.place.flat());
+    // What is cut fills the stage; the way there from home is seen by zooming out.
+    const cut = this.place.filter((place, i) => this.values[0][i] !== null && Number.isFinite(place[0]));
+    this.space = new SpaceView(stage, all, data.title, cut.length > 1 ? Float32Array.from(cut.flat()) : all);
     this.marks();
     this.controls();
     this.plot();

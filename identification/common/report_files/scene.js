@@ -13,8 +13,8 @@ function disc() {
 }
 
 class SpaceView {
-  // stage: the element it fills; points: Float32Array xyz of all that has to fit.
-  constructor(stage, points, label) {
+  // stage: the element it fills; points: Float32Array xyz of all there is; shown: of them those that have to fit.
+  constructor(stage, points, label, shown = points) {
     this.stage = stage;
     this.canvas = stage.appendChild(document.createElement("canvas"));
     this.canvas.tabIndex = 0;
@@ -25,13 +25,17 @@ class SpaceView {
     this.scene = new THREE.Scene();
     this.camera = new THREE.OrthographicCamera();
     this.camera.up.set(0, 0, 1);
-    this.all = points;
+    this.shown = shown;
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
-    points.forEach((value, i) => {
+    shown.forEach((value, i) => {
       if (Number.isFinite(value)) { low[i % 3] = Math.min(low[i % 3], value); high[i % 3] = Math.max(high[i % 3], value); }
     });
     this.centre = new THREE.Vector3(...low.map((value, i) => Number.isFinite(value) ? 0.5 * (value + high[i]) : 0));
-    this.reach = Math.max(0.5 * Math.hypot(...low.map((value, i) => Number.isFinite(value) ? high[i] - value : 0)), 1e-6);
+    this.reach = 1e-6;
+    for (let i = 0; i + 2 < points.length; i += 3) {
+      const away = Math.hypot(points[i] - this.centre.x, points[i + 1] - this.centre.y, points[i + 2] - this.centre.z);
+      if (away > this.reach) this.reach = away;
+    }
     this.controls = new THREE.OrbitControls(this.camera, this.canvas);
     this.controls.zoomToCursor = true;
     this.controls.addEventListener("change", () => this.draw());
@@ -123,12 +127,12 @@ class SpaceView {
   // What has to fit fills the stage from this side.
   fit() {
     this.camera.updateMatrixWorld();
-    const across = new THREE.Vector3(), up = new THREE.Vector3(), { all, centre } = this;
+    const across = new THREE.Vector3(), up = new THREE.Vector3(), { shown, centre } = this;
     this.camera.matrixWorld.extractBasis(across, up, new THREE.Vector3());
     const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
-    for (let i = 0; i < all.length; i += 3) {
-      if (!Number.isFinite(all[i])) continue;
-      const [x, y, z] = [all[i] - centre.x, all[i + 1] - centre.y, all[i + 2] - centre.z];
+    for (let i = 0; i < shown.length; i += 3) {
+      if (!Number.isFinite(shown[i])) continue;
+      const [x, y, z] = [shown[i] - centre.x, shown[i + 1] - centre.y, shown[i + 2] - centre.z];
       [x * across.x + y * across.y + z * across.z, x * up.x + y * up.y + z * up.z].forEach((value, k) => {
         low[k] = Math.min(low[k], value); high[k] = Math.max(high[k], value);
       });
