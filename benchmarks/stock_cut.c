@@ -63,20 +63,24 @@ static double profile(double radius, double corner, double d)
     return e <= 0 ? 0 : e >= corner ? corner : corner - sqrt(corner * corner - e * e);
 }
 
-/* Height to which the ways leave material at x, y. */
-static double left_at(const Stock *s, const Way *w, const int *near, int n, double x, double y, double low)
+#define BLOCK 64
+
+/* Earlier ways about the tool, by component. */
+typedef struct { double *x, *y, *z, *dx, *dy, *dz, *per, *radius, *corner; int n, flat; } Near;
+
+/* Height to which the ways leave material at x, y; it stops asking where that is under `low`. */
+static double left_at(const Stock *s, const Near *w, double x, double y, double low)
 {
     double h = stock_top(s, x, y);
-    for (int k = 0; k < n && h > low; k++) {
-        const Way *c = w + near[k];
-        double dx = c->b[0] - c->a[0], dy = c->b[1] - c->a[1], px = x - c->a[0], py = y - c->a[1];
-        double l2 = dx * dx + dy * dy, t = l2 > 1e-18 ? (px * dx + py * dy) / l2 : c->b[2] < c->a[2];
-        t = t < 0 ? 0 : t > 1 ? 1 : t;
-        px -= t * dx, py -= t * dy;
-        double d = sqrt(px * px + py * py);
-        if (d < c->radius - 1e-5) {
-            double z = c->a[2] + t * (c->b[2] - c->a[2]) + profile(c->radius, c->corner, d);
-            if (z < h) h = z;
+    for (int k0 = 0; k0 < w->n && h > low; k0 += BLOCK) {
+        int end = k0 + BLOCK < w->n ? k0 + BLOCK : w->n;
+        for (int k = k0; k < end; k++) {
+            double px = x - w->x[k], py = y - w->y[k], t = (px * w->dx[k] + py * w->dy[k]) * w->per[k];
+            t = t < 0 ? 0 : t > 1 ? 1 : t;
+            px -= t * w->dx[k], py -= t * w->dy[k];
+            double d2 = px * px + py * py, z = w->z[k] + t * w->dz[k], r = w->radius[k] - 1e-5;
+            if (!w->flat) z += profile(w->radius[k], w->corner[k], sqrt(d2));
+            h = d2 < r * r && z < h ? z : h;
         }
     }
     return h;
@@ -162,14 +166,14 @@ static void bite(const Cutter *c, Sum *s, const double *N, const double *t, cons
 }
 
 typedef struct {
-    const Cutter *c; const Stock *s; const Way *w; const int *near; int n;
+    const Cutter *c; const Stock *s; const Near *w;
     const double *p, *f; double feed; Sum *sum;
 } Here;
 
 static double length_at(const Here *x, double alpha)
 {
     double z = x->p[2] + x->c->corner;
-    double h = left_at(x->s, x->w, x->near, x->n, x->p[0] + x->c->radius * cos(alpha), x->p[1] + x->c->radius * sin(alpha), z);
+    double h = left_at(x->s, x->w, x->p[0] + x->c->radius * cos(alpha), x->p[1] + x->c->radius * sin(alpha), z);
     double l = h - z, most = x->c->flute - x->c->corner;
     return l < 0 ? 0 : l > most ? most : l;
 }
@@ -178,7 +182,7 @@ static double length_at(const Here *x, double alpha)
 static void flank(const Here *x, double a, double b, double la, double lb)
 {
     if (la <= 0 && lb <= 0 && b - a < 0.04) return;
-    if (fabs(la - lb) > 0.01 && b - a > 5e-4) {
+    if (fabs(la - lb) > 0.01 && b - a > 1e-3) {
         double m = (a + b) / 2, lm = length_at(x, m);
         flank(x, a, m, la, lm);
         flank(x, m, b, lm, lb);
@@ -199,16 +203,18 @@ static double above(const Here *x, const Map *m, double kappa, double alpha)
 {
     double r = x->c->radius - x->c->corner + x->c->corner * sin(kappa), z = x->p[2] + x->c->corner * (1 - cos(kappa));
     double px = x->p[0] + r * cos(alpha), py = x->p[1] + r * sin(alpha);
-    return (m ? map_at(m, px, py) : left_at(x->s, x->w, x->near, x->n, px, py, z - 0.5)) - z;
+    return (m ? map_at(m, px, py) : left_at(x->s, x->w, px, py, z - 0.05)) - z;
 }
 
 /* Bits of a rounding or a ball, each a band of which the part that stands in material counts. */
 static void rounding(const Here *x, const Map *m, int slices, int around, double rpm, double speed)
 {
     const Cutter *c = x->c;
-    double step = PI / 2 / slices;
+    double step = PI / 2 / slices, ahead = atan2(x->f[1], x->f[0]);
     for (int i = 0; i < around; i++) {
-        double alpha = 2 * PI * (i + 0.5) / around, ca = cos(alpha), sa = sin(alpha), next = above(x, m, 0, alpha);
+        double alpha = ahead + 2 * PI * (i + 0.5) / around, ca = cos(alpha), sa = sin(alpha);
+        if (ca * x->f[0] + sa * x->f[1] <= 0 && x->f[2] >= 0) continue;
+        double next = above(x, m, 0, alpha);
         for (int k = 0; k < slices; k++) {
             double kappa = (k + 0.5) * step, sk = sin(kappa), ck = cos(kappa), here = next;
             double r = c->radius - c->corner + c->corner * sk, up = c->corner * (1 - ck);
@@ -232,12 +238,12 @@ static void rounding(const Here *x, const Map *m, int slices, int around, double
 static void shank(const Here *x, const Map *m, int around)
 {
     const Cutter *c = x->c;
-    double layer = c->radius / 8;
+    double layer = c->radius / 8, ahead = atan2(x->f[1], x->f[0]);
     for (int k = 0; c->corner + k * layer < c->flute; k++) {
         int any = 0;
         double up = c->corner + (k + 0.5) * layer;
         for (int i = 0; i < around; i++) {
-            double alpha = 2 * PI * (i + 0.5) / around, N[3] = {cos(alpha), sin(alpha), 0}, t[3] = {N[1], -N[0], 0}, u[3] = {0, 0, 1};
+            double alpha = ahead + 2 * PI * (i + 0.5) / around, N[3] = {cos(alpha), sin(alpha), 0}, t[3] = {N[1], -N[0], 0}, u[3] = {0, 0, 1};
             double h = map_at(m, x->p[0] + c->radius * N[0], x->p[1] + c->radius * N[1]);
             double in = (h - x->p[2] - up + layer / 2) / layer, cosine = N[0] * x->f[0] + N[1] * x->f[1];
             if (in <= 0) continue;
@@ -260,9 +266,13 @@ int drive(int n, const double *place, const double *way, const double *speed, co
 {
     int ball = c->corner > c->radius - 1e-9;
     Way *w = malloc(sizeof(Way) * (size_t)(n + n_earlier + 1));
-    int *near = malloc(sizeof(int) * (size_t)(n + n_earlier + 1)), used = 0;
+    size_t most = (size_t)(n + n_earlier + 1);
+    double *room = malloc(9 * sizeof(double) * most);
+    Near near = {room, room + most, room + 2 * most, room + 3 * most, room + 4 * most, room + 5 * most, room + 6 * most,
+                 room + 7 * most, room + 8 * most, 0, 1};
+    int used = 0;
     Map map = {0}, *m = 0;
-    if (!w || !near) return 1;
+    if (!w || !room) return 1;
     memcpy(w, earlier, sizeof(Way) * (size_t)n_earlier);
     used = n_earlier;
     double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9}, top = NONE;
@@ -301,15 +311,24 @@ int drive(int n, const double *place, const double *way, const double *speed, co
             memset(&sum, 0, sizeof sum);
             double r = c->radius;
             if (p[2] < top && p[0] > low[0] - r && p[0] < high[0] + r && p[1] > low[1] - r && p[1] < high[1] + r) {
-                Here x = {c, s, w, near, 0, p, way + 3 * i, speed[i] / (rpm / 60 * c->teeth), &sum};
+                Here x = {c, s, &near, p, way + 3 * i, speed[i] / (rpm / 60 * c->teeth), &sum};
                 if (!ball) {
-                    for (int k = used - 1; k >= 0; k--) {
+                    near.n = 0, near.flat = 1;
+                    for (int k = used - 1; k >= 0; k--) {               /* the latest first: most points are in these */
                         const Way *q = w + k;
                         double reach = r + q->radius;
                         if (fmin(q->a[0], q->b[0]) - reach > p[0] || fmax(q->a[0], q->b[0]) + reach < p[0] ||
                             fmin(q->a[1], q->b[1]) - reach > p[1] || fmax(q->a[1], q->b[1]) + reach < p[1] ||
                             fmin(q->a[2], q->b[2]) > top) continue;
-                        near[x.n++] = k;
+                        double dx = q->b[0] - q->a[0], dy = q->b[1] - q->a[1], l2 = dx * dx + dy * dy;
+                        double t = l2 > 1e-12 ? ((p[0] - q->a[0]) * dx + (p[1] - q->a[1]) * dy) / l2 : 0;
+                        t = t < 0 ? 0 : t > 1 ? 1 : t;
+                        if (hypot(p[0] - q->a[0] - t * dx, p[1] - q->a[1] - t * dy) > reach) continue;
+                        int low_end = l2 <= 1e-12 && q->b[2] < q->a[2], j = near.n++;       /* straight down: where it ends */
+                        near.x[j] = q->a[0], near.y[j] = q->a[1], near.z[j] = low_end ? q->b[2] : q->a[2];
+                        near.dx[j] = dx, near.dy[j] = dy, near.dz[j] = l2 > 1e-12 ? q->b[2] - q->a[2] : 0;
+                        near.per[j] = l2 > 1e-12 ? 1 / l2 : 0, near.radius[j] = q->radius, near.corner[j] = q->corner;
+                        near.flat &= q->corner <= 0;
                     }
                     double middle = atan2(way[3 * i + 1], way[3 * i]), step = PI / 90, before = length_at(&x, middle - PI / 2);
                     for (int k = 0; k < 90; k++) {
@@ -317,15 +336,15 @@ int drive(int n, const double *place, const double *way, const double *speed, co
                         flank(&x, a, a + step, before, after);
                         before = after;
                     }
-                    if (c->corner > 0) rounding(&x, 0, 10, 360, rpm, speed[i]);
+                    if (c->corner > 0) rounding(&x, 0, 6, 240, rpm, speed[i]);
                 } else {
-                    rounding(&x, m, 48, 180, rpm, speed[i]);
-                    shank(&x, m, 180);
+                    rounding(&x, m, 40, 152, rpm, speed[i]);
+                    shank(&x, m, 152);
                 }
             }
             memcpy(last, f, sizeof f);
             memcpy(f, sum.f, sizeof f);
-            if (fabs(f[0] - last[0]) + fabs(f[1] - last[1]) + fabs(f[2] - last[2]) < 0.05) break;
+            if (fabs(f[0] - last[0]) + fabs(f[1] - last[1]) + fabs(f[2] - last[2]) < 0.1) break;
         }
         memcpy(force + 3 * i, f, sizeof f);
         memcpy(out + 3 * i, p, sizeof p);
@@ -340,6 +359,6 @@ int drive(int n, const double *place, const double *way, const double *speed, co
         }
     }
     if (m) free(m->h);
-    free(w), free(near);
+    free(w), free(room);
     return 0;
 }

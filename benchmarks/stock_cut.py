@@ -3,10 +3,10 @@
     python benchmarks/stock_cut.py
 
 holds the engine against what can be worked out by hand. At each step (a fraction of a millimetre) each point of the cutter's
-surface is asked whether it stands in material: inside the stock, and not where the cutter, or an earlier one, has been. Flat and
-bull-nose cutters ask the ways themselves, a ball a net of heights. All teeth pass all engaged bits of a revolution; the edge's
-force is Altintas' linear law, if wanted with a size effect and teeth that stand out unequally. The tool yields by a given
-compliance, and cuts where it then stands. Nothing of the program is imported. Millimetres, newton, seconds; z is up.
+surface is asked whether it stands in material: inside the stock, and not where the cutter, or an earlier one, has been. Flat
+and bull-nose cutters ask the ways themselves, a ball a net of heights. All teeth pass all engaged bits of a revolution; the
+edge's force is Altintas' linear law, if wanted with a size effect and teeth that stand out unequally. The tool yields by a
+given compliance, and cuts where it then stands. Nothing of the program is imported. Millimetres, newton, seconds; z is up.
 """
 
 import ctypes
@@ -74,7 +74,7 @@ class Stock:
 
 @dataclass
 class Cut:
-    """Of each step the mean force on the tool (n, 3), where the tool stood (n, 3), the chip's cross-section [mm^2], its depth."""
+    """Of each step the mean force on the tool (n, 3), where the tool stood (n, 3), the chip's cross-section [mm^2], depth."""
 
     force: np.ndarray
     place: np.ndarray
@@ -92,7 +92,8 @@ def library() -> ctypes.CDLL:
         with tempfile.TemporaryDirectory() as folder:
             made = Path(folder) / "stock_cut.so"
             source = Path(__file__).with_suffix(".c")
-            subprocess.run(["cc", "-O3", "-shared", "-fPIC", str(source), "-o", str(made), "-lm"], check=True)
+            options = ["-O3", "-march=native", "-ffast-math", "-shared", "-fPIC"]
+            subprocess.run(["cc", *options, str(source), "-o", str(made), "-lm"], check=True)
             _LIBRARY.append(ctypes.CDLL(str(made)))
     return _LIBRARY[0]
 
@@ -172,8 +173,8 @@ def check() -> None:
         cut = drive(path, np.full(len(path), speed), rpm, cutter, block)
         wide = np.arccos(1 - 2 * 2 / 10)
         span = (np.pi - wide, np.pi) if name == "climb" else (0, wide)
-        print(f"side, {name:13}", np.round(cut.force[np.argmin(np.abs(path[:, 0]))], 3), "turning teeth",
-              np.round(turned(cutter, feed, depth, *span), 3), "volume", round(float((cut.area * 0.25).sum()), 1), "by hand", 240)
+        print(f"side, {name:13}", np.round(cut.force[np.argmin(np.abs(path[:, 0]))], 3), "turning teeth", np.round(
+            turned(cutter, feed, depth, *span), 3), "volume", round(float((cut.area * 0.25).sum()), 1), "by hand", 240)
     ball = Cutter(10, 2, (800, 170, 220), (28, 31, 1.5), corner=5)
     path = line((-40, 0, -2), (40, 0, -2))
     cut = drive(path, np.full(len(path), feed * 2 * rpm / 60), rpm, ball, block)
@@ -181,7 +182,8 @@ def check() -> None:
     print("ball slot, volume  ", round(float((cut.area * 0.25).sum()), 1), "by hand", round(60 * float(segment), 1))
     k1 = np.arccos(3 / 5)                                              # all of the front below the surface
     width = 5 * k1
-    hand = np.array([0, 2 * (800 * feed / 4 * 5 * np.trapezoid(np.sin(q := np.linspace(0, k1, ANGLES)), q) + 28 / np.pi * width),
+    q = np.linspace(0, k1, ANGLES)
+    hand = np.array([0, 2 * (800 * feed / 4 * 5 * np.trapezoid(np.sin(q), q) + 28 / np.pi * width),
                      2 * (170 * feed / np.pi * 5 * np.trapezoid(np.sin(q) * np.cos(q), q) + 31 / 2 * 5 * np.sin(k1)
                           - 220 * feed / np.pi * 5 * np.trapezoid(np.sin(q) ** 2, q) - 1.5 / 2 * 5 * (1 - np.cos(k1)))])
     print("ball slot, force   ", np.round(cut.force[np.argmin(np.abs(path[:, 0]))], 2), "by hand (y, z)", np.round(hand[1:], 2))
@@ -192,7 +194,8 @@ def check() -> None:
     again = drive(soft.place[k - 3:k + 1], np.full(4, speed), rpm, cutter, block)
     print("yields             ", np.round(soft.force[k], 2), "force at that place", np.round(again.force[-1], 2), "aside",
           np.round(soft.place[k] - path[k], 4))
-    spring = drive(np.vstack([path, path + [0, 0, 30], path[::-1] + [0, 0, 30], path]), np.full(4 * len(path), speed), rpm, cutter,
+    up = np.array([0, 0, 30.0])
+    spring = drive(np.vstack([path, path + up, path[::-1] + up, path]), np.full(4 * len(path), speed), rpm, cutter,
                    block, np.broadcast_to(np.eye(3) * 2e-3, (4 * len(path), 3, 3)))
     print("spring pass, share ", np.round(np.linalg.norm(spring.force[3 * len(path) + k] / np.linalg.norm(spring.force[k])), 3))
     run_out = Cutter(10, 3, (800, 170, 220), (28, 31, 1.5), out=0.012)

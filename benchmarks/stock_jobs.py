@@ -1,4 +1,4 @@
-"""First parts as shops have them: a program B that was never run, its stock, and the log of another program A of the same cutter.
+"""First parts as shops have them: a program B that was never run, its stock, the log of another program A of the same cutter.
 
     python benchmarks/stock_jobs.py N SEED FOLDER
 
@@ -26,7 +26,7 @@ from shop_path import Path, World, target_numbers
 from shop_posts import Program, write
 from stock_cut import Cut, Cutter, Stock, drive
 
-MATERIALS = {  # k t r a [N/mm^2], edges t r a [N/mm] (Altintas 2012; Gradisek 2004 for steel); m/min, chip of a 12 mm cutter [mm]
+MATERIALS = {  # k t r a [N/mm^2], edges t r a [N/mm] (Altintas 2012; steel: Gradisek 2004); m/min, chip of a 12 mm cutter [mm]
     "aluminium": ((796, 169, 222), (27.7, 30.8, 1.4), (200, 420), (0.05, 0.12)),
     "steel": ((1900, 620, 430), (35, 45, 4), (90, 160), (0.03, 0.08)),
     "titanium": ((1825, 770, 735), (29.7, 55.7, 1.8), (45, 70), (0.035, 0.07)),
@@ -53,13 +53,18 @@ def milled(world: World, path: Path, cutter: Cutter, stock: Stock, rpm: float, e
     for _ in range(2 if world.t["soft"] else 1):
         here = world.tcp(q, at)
         give = np.stack([(world.tcp(q, at + 100 * e) - here) / 100 for e in np.eye(3)], 2) * more
-        cut = drive(rest, path.feed, rpm, cutter, stock, give, (here - rest) * more, at, earlier)
+        cut = drive(rest, speeds(path), rpm, cutter, stock, give, (here - rest) * more, at, earlier)
         at = cut.force
     return cut
 
 
 def fine(path_of: list[dict], cutter: Cutter) -> Path:
     return Path(path_of, 0.4 if cutter.corner > 0.49 * cutter.diameter else 0.25)
+
+
+def speeds(path: Path) -> np.ndarray:
+    """Of each point the feed of the step that leads to it."""
+    return np.concatenate([path.feed[:1], path.feed[:-1]])
 
 
 # ---- what is drawn --------------------------------------------------------------------------
@@ -76,7 +81,8 @@ def tool_of(rng: np.random.Generator, material: str, ball: bool, least: float = 
     fz = float(rng.uniform(*chip)) * math.sqrt(d / 12)
     world = str(rng.choice(["plain", "plain", "size", "runout"]))
     return Cutter(d, teeth, tuple(float(v * wide[0] * rng.uniform(0.9, 1.1)) for v in k),
-                  tuple(float(v * wide[1] * rng.uniform(0.9, 1.1)) for v in e), corner, flute=3 * d, helix=float(rng.uniform(0.4, 0.7)),
+                  tuple(float(v * wide[1] * rng.uniform(0.9, 1.1)) for v in e), corner,
+                  flute=3 * d, helix=float(rng.uniform(0.4, 0.7)),
                   out=float(rng.uniform(0.004, 0.012)) if world == "runout" else 0.0, phase=float(rng.uniform(0, 6)),
                   power=float(rng.uniform(0.08, 0.2)) if world == "size" else 0.0, chip0=round(0.6 * fz, 4)), rpm, fz
 
@@ -152,7 +158,7 @@ def log_of(rng: np.random.Generator, truth: dict, world: World, driven: list[dic
         ["t [ms]", "X", "Y", "Z", "F1", "F2", "F3"], [1000 * t, *place.T, *out.T], ";", "."), cell
 
 
-def stl(stock: Stock, binary: bool, scale: float, bottom: float = -30.0) -> bytes:
+def stl(stock: Stock, binary: bool, scale: float, bottom: float) -> bytes:
     """A closed body: a prism, or a net of heights on a level floor; scale turns millimetres into the file's unit."""
     faces: list[list[tuple[float, float, float]]] = []
     if stock.polygon:
@@ -189,15 +195,15 @@ def stl(stock: Stock, binary: bool, scale: float, bottom: float = -30.0) -> byte
     return "\n".join([*lines, "endsolid blank", ""]).encode()
 
 
-def stock_files(rng: np.random.Generator, name: str, stock: Stock, folder: pathlib.Path, std: float) -> None:
+def stock_files(rng: np.random.Generator, name: str, stock: Stock, folder: pathlib.Path, std: float, bottom: float) -> None:
     """stock.yaml of a program as the shop states it, with the STL where the blank is no block."""
     end = f"position_std_mm: {std}\n"
     if stock.boxes:
         a, b, c, d, top = stock.boxes[0]
-        text = f"box: {{from_mm: [{a:.4f}, {b:.4f}, -30], to_mm: [{c:.4f}, {d:.4f}, {top:.4f}]}}\n"
+        text = f"box: {{from_mm: [{a:.4f}, {b:.4f}, {bottom:g}], to_mm: [{c:.4f}, {d:.4f}, {top:.4f}]}}\n"
     else:
         inch = rng.random() < 0.25
-        (folder / f"{name}.stl").write_bytes(stl(stock, rng.random() < 0.6, 1 / 25.4 if inch else 1.0))
+        (folder / f"{name}.stl").write_bytes(stl(stock, rng.random() < 0.6, 1 / 25.4 if inch else 1.0, bottom))
         text = f"stl: {name}.stl\nunits: {'inch' if inch else 'mm'}\n"
     (folder / f"{name}.stock.yaml").write_text(text + end)
 
@@ -235,10 +241,12 @@ def make(seed: int, n: int, folder: pathlib.Path) -> None:
         "stiffness": (np.array(STIFFNESS[robot]) * np.exp(rng.normal(0, 0.2, 6))).round(0).tolist(), "soft": 0.0,
         "tilt": float(rng.uniform(0.5e-9, 1.2e-9)) if further == "tilt" else 0.0, "motion": float(1 + rng.normal(0, 0.02)),
         "gauge_um": float(rng.choice([2, 4])), "test_n": float(rng.choice([200, 300, 400])),
-        "mass_kg": round(float(rng.uniform(12, 35)), 1), "centre_mm": rng.uniform([-10, -10, 90], [40, 10, 160]).round(0).tolist(),
+        "mass_kg": round(float(rng.uniform(12, 35)), 1),
+        "centre_mm": rng.uniform([-10, -10, 90], [40, 10, 160]).round(0).tolist(),
         "log": {"form": form, "rate_hz": float(rng.choice([50, 100, 250, 1000])), "frame": str(rng.choice(["base", "tool"])),
                 "sign": str(rng.choice(["on_tool", "on_tool", "by_tool"])), "bias_n": rng.normal(0, 15, 3).round(1).tolist(),
-                "noise_n": float(rng.uniform(1, 3)), "ripple": float(rng.uniform(0.1, 0.4)), "once": float(rng.uniform(0, 0.15)),
+                "noise_n": float(rng.uniform(1, 3)), "ripple": float(rng.uniform(0.1, 0.4)),
+                "once": float(rng.uniform(0, 0.15)),
                 "late_end_s": float(rng.choice([0.0, 1.5])), "gain": float(rng.normal(0, 0.01)),
                 "turned_deg": rng.normal(0, 0.5, 3).tolist()},
         "climb": {"A": bool(rng.random() < 0.6), "B": bool(rng.random() < 0.75), "C": True},
@@ -309,7 +317,8 @@ def make(seed: int, n: int, folder: pathlib.Path) -> None:
     else:
         truth["hidden"] = hidden = "none"
     folder.mkdir(parents=True)
-    truth |= {"told": told, "files": {}, "rpm": rpms, "real_rpm": real_rpm, "real_cutter": {k: asdict(c) for k, c in real.items()},
+    truth |= {"told": told, "files": {}, "rpm": rpms, "real_rpm": real_rpm,
+              "real_cutter": {k: asdict(c) for k, c in real.items()},
               "real_stock": {k: asdict(s) for k, s in real_stock.items()}, "stock_std": std, "targets": {}, "air": air}
     commands = ["compstiff identify cell.yaml measurements.csv -o stiffness.json"]
     earlier = None
@@ -326,9 +335,9 @@ def make(seed: int, n: int, folder: pathlib.Path) -> None:
         truth["targets"][k] = program.targets
         driven = [m for m in program.driven if m["kind"] != "AbsJ"]
         if k in stocks:
-            stock_files(rng, name, stocks[k], folder, std)
-        cell = {"diameter": cutters[k].diameter, "corner": cutters[k].corner, "teeth": cutters[k].teeth, "flute": cutters[k].flute,
-                "rpm": rpms[k]}
+            low = min(float(s["place"][2]) for s in ways[k].steps)
+            stock_files(rng, name, stocks[k], folder, std, math.floor(low) - 10.0)
+        cell = {x: getattr(cutters[k], x) for x in ("diameter", "corner", "teeth", "flute")} | {"rpm": rpms[k]}
         if k == "B":
             continue
         path = fine(driven, real[k])
@@ -341,8 +350,9 @@ def make(seed: int, n: int, folder: pathlib.Path) -> None:
         if k == "C":
             earlier = cut.ways
             np.save(folder / "truth_left.npy", earlier)
-        commands.append(f"compstiff cutting {cell_name} {name}.mod --stock {name}.stock.yaml --stiffness stiffness.json --forces "
-                        f"{name}.forces.csv --tare 0:1 -o {'cutting.json' if k == 'A' else 'cutting_c.json --leaves left.npz'}")
+        commands.append(f"compstiff cutting {cell_name} {name}.mod --stock {name}.stock.yaml --stiffness stiffness.json "
+                        f"--forces {name}.forces.csv --tare 0:1 -o "
+                        f"{'cutting.json' if k == 'A' else 'cutting_c.json --leaves left.npz'}")
     stock = "part_b.stock.yaml" if "B" in stocks else "left.npz"
     tail = f"--stiffness stiffness.json --predict-force cutting.json --stock {stock}"
     b, last = "part_b.mod", "-o out.mod"

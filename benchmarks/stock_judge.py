@@ -22,10 +22,10 @@ from shop_judge import changed, rms
 from shop_path import Path, World
 from shop_posts import Program
 from stock_cut import Cut, drive
-from stock_jobs import cutter_of, fine, milled, stock_of
+from stock_jobs import cutter_of, fine, milled, speeds, stock_of
 
-MADE = ("stiffness.json", "stiffness_extended.json", "diagnosis.json", "cutting.json", "cutting_c.json", "left.npz", "deviation.csv",
-        "offsets.csv", "out.mod", "out.mod.json", "job.mod", "job.mod.json")
+MADE = ("stiffness.json", "stiffness_extended.json", "diagnosis.json", "cutting.json", "cutting_c.json", "left.npz",
+        "deviation.csv",        "offsets.csv", "out.mod", "out.mod.json", "job.mod", "job.mod.json")
 
 
 def run(folder: pathlib.Path, line: str) -> dict:
@@ -111,7 +111,7 @@ def forces(folder: pathlib.Path, world: World, driven: list[dict], path: Path, c
     def there(x: float) -> np.ndarray:
         return np.stack([np.interp(s + x, path.s, cut.force[:, k]) for k in range(3)], 1)
     true, size = there(0), np.linalg.norm(there(0), axis=1)
-    steady = (np.linalg.norm(there(0.7) - true, axis=1) < 0.15 * size) & (np.linalg.norm(there(-0.7) - true, axis=1) < 0.15 * size)
+    steady = np.all([np.linalg.norm(there(x) - true, axis=1) < 0.15 * size for x in (-0.7, 0.7)], axis=0)
     use = steady & known & (size > 0.15 * size.max(initial=1e-9))
     result = {"true_n": float(np.median(size[use])) if use.any() else None, "compared": int(use.sum())}
     if use.any():
@@ -157,7 +157,7 @@ def judge(folder: pathlib.Path) -> dict:
     left = folder / "truth_left.npy"
     earlier = np.load(left) if left.exists() else None
     path = fine(driven, cutter)
-    on_plan = drive(path.place, path.feed, rpm, cutter, stock, earlier=earlier)
+    on_plan = drive(path.place, speeds(path), rpm, cutter, stock, earlier=earlier)
     plain = milled(world, path, cutter, stock, rpm, earlier)
     cuts = on_plan.area > 1e-6
     s0, off0 = across(path, path.s, plain.place)
@@ -199,7 +199,8 @@ def judge(folder: pathlib.Path) -> dict:
                    "worst_at": [round(float(v), 2) for v in there.place[k]],
                    "within1": float(np.mean(d1[cuts1] <= stated[cuts1] + 0.1)),
                    "within2": float(np.mean(d1[cuts1] <= 2 * stated[cuts1] + 0.1)), "sigma_rms": rms(stated[cuts1]),
-                   "added": len(new) - len(driven), "targets": len(rows), "cutting_targets": int(hit.sum()), "left_alone": notes}
+                   "added": len(new) - len(driven), "targets": len(rows), "cutting_targets": int(hit.sum()),
+                   "left_alone": notes}
         np.savez(folder / "judged.npz", s=s1, d=d1, before=gain, stated=stated, cuts=cuts1, place=there.place, off=off1,
                  force=mended.force, s0=path.s, d0=d0, off0=off0, force0=plain.force, plan_force=on_plan.force, cuts0=cuts,
                  place0=path.place, area0=plain.area, depth0=plain.depth)
@@ -210,34 +211,38 @@ def judge(folder: pathlib.Path) -> dict:
 
 def line_of(r: dict) -> str:
     def show(key: str, form: str) -> str:
-        return format(r[key], form) if r.get(key) is not None else "-".rjust(int(re.sub(r"[^\d.]", "", form).split(".")[0] or 3))
+        return format(r[key], form) if r.get(key) is not None else "-".rjust(int(form.split(".")[0].rstrip("%") or 3))
     exits = "".join(str(v) for v in r["exit"].values()) + ("x" if r.get("rejected") else "")
     other = {k: v for k, v in r["findings"].items() if k[0] != "N"}
     return " ".join([
-        f"{r['job']:6} {r['shape']:10} {r['shape_a']:9} {r['material'][:5]:5} {r['hidden']:8} {exits:6}", show("mean_n", "4.0f"),
-        show("before_rms", "6.1f"), show("before_max", "6.0f"), show("after_rms", "6.1f"), show("after_max", "6.0f"), show("gone", "7.1%"),
-        show("worse_share", "6.1%"), show("worst", "6.1f"), show("within1", "5.0%"), show("within2", "5.0%"), show("sigma_rms", "6.1f"),
-        show("ratio", "6.3f"), show("angle", "5.1f"), show("none", "4.0%"),
+        f"{r['job']:6} {r['shape']:10} {r['shape_a']:9} {r['material'][:5]:5} {r['hidden']:8} {exits:6}",
+        *(show(key, form) for key, form in COLUMNS),
         " ".join(k + (f"x{v}" if v > 1 else "") for k, v in sorted(other.items())),
         "; ".join(f"{v} alone: {k}" for k, v in r.get("left_alone", {}).items()), " | ".join(r.get("changed", []))])
 
 
-HEAD = ("job    shape      A         mater hidden   exits   N  before    max  after    max    gone  worse  worst in 1s in 2s  sigma  ratio"
-        " angle none findings; targets in the cut left alone")
+COLUMNS = (("mean_n", "4.0f"), ("before_rms", "6.1f"), ("before_max", "6.0f"), ("after_rms", "6.1f"), ("after_max", "6.0f"),
+           ("gone", "7.1%"), ("worse_share", "6.1%"), ("worst", "6.1f"), ("within1", "5.0%"), ("within2", "5.0%"),
+           ("sigma_rms", "6.1f"), ("ratio", "6.3f"), ("angle", "5.1f"), ("none", "4.0%"))
+HEAD = ("job    shape      A         mater hidden   exits   N  before    max  after    max    gone  worse  worst in 1s in 2s"
+        "  sigma  ratio angle none findings; targets in the cut left alone")
 
 
 def summary(all_of: list[dict]) -> str:
     done = [r for r in all_of if "gone" in r]
     lines = [f"{len(done)} of {len(all_of)} corrected"]
-    def middle(rs: list[dict], key: str) -> float:
-        v = [r[key] for r in rs if r.get(key) is not None]
-        return float(np.median(v)) if v else float("nan")
-    for name, rs in (("nothing hidden", [r for r in done if r["hidden"] == "none"]), ("hidden", [r for r in done if r["hidden"] != "none"])):
-        if rs:
-            lines.append(f"{name}: {len(rs)} jobs, gone median {middle(rs, 'gone'):.1%} least {min(r['gone'] for r in rs):.1%}; within 1 sigma "
-                         f"{np.mean([r['within1'] for r in rs]):.0%}, 2 sigma {np.mean([r['within2'] for r in rs]):.0%} (least "
-                         f"{min(r['within2'] for r in rs):.0%}); worse by 2 sigma: mean {np.mean([r['worse_share'] for r in rs]):.1%}; "
-                         f"force ratio median {middle(rs, 'ratio'):.3f}, angle {middle(rs, 'angle'):.1f}")
+    for name in ("nothing hidden", "hidden"):
+        rs = [r for r in done if (r["hidden"] == "none") == (name != "hidden")]
+        if not rs:
+            continue
+        v = {key: np.array([r[key] for r in rs if r.get(key) is not None]) for key in (
+            "gone", "within1", "within2", "worse_share", "ratio", "angle")}
+        lines.append(f"{name}: {len(rs)} jobs, gone median {np.median(v['gone']):.1%} least {v['gone'].min():.1%}; within 1 sigma "
+                     f"{v['within1'].mean():.0%}, 2 sigma {v['within2'].mean():.0%} (least {v['within2'].min():.0%}); worse by "
+                     f"2 sigma: mean {v['worse_share'].mean():.1%}")
+        if len(v["ratio"]):
+            lines[-1] += (f"; predicted over true force median {np.median(v['ratio']):.3f} ({v['ratio'].min():.3f} to "
+                          f"{v['ratio'].max():.3f}), angle {np.median(v['angle']):.1f}")
     for r in all_of:
         if "gone" not in r:
             lines.append(f"not corrected: {r['job']} {r['shape']} (A {r['shape_a']}): {(r['text'] or ['?'])[-1][:230]}")

@@ -80,18 +80,18 @@ def facing(rng: np.random.Generator, d: float, ap: float, levels: int) -> tuple[
 
 
 def slot(rng: np.random.Generator, d: float, ap: float, levels: int) -> tuple[Way, Stock]:
-    l, bend, r, t = rng.uniform(30, 60), rng.random() < 0.6, d / 2, Way()
+    long, bend, r, t = rng.uniform(30, 60), rng.random() < 0.6, d / 2, Way()
     rb, tail = rng.uniform(d, 2 * d), rng.uniform(10, 25)
     for n in range(levels):
         z = -ap * (n + 1)
         t.layer = n
         t.down(-r - 5, 0, z)
-        t.cut(l, 0, z)
+        t.cut(long, 0, z)
         if bend:
-            t.quarter((l, rb), (l + rb, rb), z)
-            t.cut(l + rb, rb + tail, z)
+            t.quarter((long, rb), (long + rb, rb), z)
+            t.cut(long + rb, rb + tail, z)
         t.up()
-    return t, box(0, -2 * d, l + (rb + 1.5 * d if bend else 2 * d), rb + tail + 1.5 * d if bend else 2 * d)
+    return t, box(0, -2 * d, long + (rb + 1.5 * d if bend else 2 * d), rb + tail + 1.5 * d if bend else 2 * d)
 
 
 def wall(rng: np.random.Generator, d: float, ap: float, levels: int, ae: float) -> tuple[Way, Stock]:
@@ -192,32 +192,32 @@ def pocket(rng: np.random.Generator, d: float, ap: float, levels: int, size: tup
 
 def ramp(rng: np.random.Generator, d: float, ap: float, levels: int) -> tuple[Way, Stock]:
     """A closed slot, down to and fro by some two degrees."""
-    l, t, top, slope = rng.uniform(25, 45), Way(), 0.3, rng.uniform(0.025, 0.045)
+    long, t, top, slope = rng.uniform(25, 45), Way(), 0.3, rng.uniform(0.025, 0.045)
     t.down(0, 0, top)
     x, z = 0.0, top
     for n in range(levels):
         floor = -ap * (n + 1)
         while z > floor + 1e-9:
-            z = max(floor, z - l * slope)
-            x = l - x
+            z = max(floor, z - long * slope)
+            x = long - x
             t.cut(x, 0, z)
-        x = l - x
+        x = long - x
         t.cut(x, 0, z)
     t.up()
-    return t, box(-d, -d, l + d, d)
+    return t, box(-d, -d, long + d, d)
 
 
 def trochoid(rng: np.random.Generator, d: float, ap: float, levels: int) -> tuple[Way, Stock]:
-    r, rt, step, l, t = d / 2, rng.uniform(0.25, 0.4) * d, rng.uniform(0.07, 0.12) * d, rng.uniform(20, 32), Way()
+    r, rt, step, long, t = d / 2, rng.uniform(0.25, 0.4) * d, rng.uniform(0.1, 0.15) * d, rng.uniform(14, 22), Way()
     x = -r - rt - 1.0
     t.down(x, -rt, -ap)
-    while x < l:
+    while x < long:
         t.arc((x + rt, 0, -ap), (x, rt, -ap))
         t.arc((x - rt, 0, -ap), (x, -rt, -ap))
         x += step
         t.cut(x, -rt, -ap)
     t.up()
-    return t, box(0, -rt - 1.6 * d, l + 2 * d, rt + 1.6 * d)
+    return t, box(0, -rt - 1.6 * d, long + 2 * d, rt + 1.6 * d)
 
 
 def shoulder(rng: np.random.Generator, d: float, ap: float, levels: int) -> tuple[Way, Stock]:
