@@ -104,6 +104,7 @@ def shape_of(rng: np.random.Generator, name: str, c: Cutter, fz: float, newton: 
     ap = depth_of(c, fz, newton, ae)
     told = {"ap": ap, "ae": round(ae, 3), "levels": levels}
     if name in ("wall", "polygon"):
+        levels = told["levels"] = max(1, min(levels, int(2 * d / ap)))
         return *getattr(shapes, name)(rng, d, ap, levels, round(ae, 3)), told
     if name in ("rows", "rows_shell"):
         allowance = round(float(rng.uniform(0.3, 0.8)), 2)
@@ -282,7 +283,7 @@ def make(seed: int, n: int, folder: pathlib.Path) -> None:
             shapes.mirrored(ways[k], stocks.get(k))
         if styles[k] in ("array", "routine") and any(s["kind"] == "C" and s["cut"] for s in ways[k].steps) and form == "target":
             styles[k] = "inline"
-    truth["split"] = {"A": float(rng.choice([0, 2, 3, 5])), "B": float(rng.choice([0, 0, 2, 4])), "C": 3.0}
+    truth["split"] = {"A": float(rng.choice([0, 2, 2, 3, 3])), "B": float(rng.choice([0, 0, 2, 4])), "C": 3.0}
     for k in keys:
         if truth["split"][k] and not (ball and k == "B"):
             shapes.split(ways[k], truth["split"][k])

@@ -21,7 +21,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from shop_judge import changed, rms
 from shop_path import Path, World
 from shop_posts import Program
-from stock_cut import Cut, drive
+from stock_cut import drive
 from stock_jobs import cutter_of, fine, milled, speeds, stock_of
 
 MADE = ("stiffness.json", "stiffness_extended.json", "diagnosis.json", "cutting.json", "cutting_c.json", "left.npz",
@@ -88,37 +88,37 @@ def number(row: dict, *names: str) -> np.ndarray:
     return np.array([float(row[n]) if row.get(n) not in ("", None) else np.nan for n in names])
 
 
-def target_at(driven: list[dict], path: Path) -> dict[int, float]:
-    """Length along the path at which each target of the text is reached, by its number."""
-    at = {}
+def target_at(driven: list[dict], path: Path, style: str) -> dict[int, float]:
+    """Length along the path at which each target is reached, by its number; of loops and handed targets each turn counts."""
+    at, count = {}, 0
     for m, end in zip(driven, path.ends, strict=True):
-        at[m["index"] + (m["via"] is not None)] = float(path.s[end])
+        count += 1 + (m["via"] is not None)
+        at[count - 1 if style in ("array", "routine") else m["index"] + (m["via"] is not None)] = float(path.s[end])
     return at
 
 
-def forces(folder: pathlib.Path, world: World, driven: list[dict], path: Path, cut: Cut) -> dict:
-    """The force that B was predicted to meet, by the predicted deviation and the true springs, against the true one."""
-    at = target_at(driven, path)
-    rows = [r for r in rows_of(folder / "deviation.csv") if int(r["target"]) in at]
+def forces(folder: pathlib.Path, world: World, at: dict[int, float], path: Path, true_force: np.ndarray) -> dict:
+    """The force on the plan that B was corrected for, by the offsets and the true springs, against the true one on the plan."""
+    rows = [r for r in rows_of(folder / "offsets.csv") if int(r["target"]) in at]
     s = np.array([at[int(r["target"])] for r in rows])
-    d = np.array([number(r, "dx_um", "dy_um", "dz_um") for r in rows]) / 1000
+    o = np.array([number(r, "ox_mm", "oy_mm", "oz_mm") for r in rows])
     i = np.searchsorted(path.s, s - 1e-9).clip(0, len(path.s) - 1)
     q = world.angles(path.place[i], path.rot[i])
     zero = np.zeros((len(i), 3))
-    give = np.stack([(world.arm.loaded(q, zero + 100 * e) - world.arm.loaded(q, zero)) / 100 for e in np.eye(3)], 2)
-    known = np.isfinite(d).all(1)
-    said = np.einsum("nij,nj->ni", np.linalg.inv(give), np.nan_to_num(d)) @ world.turn
+    give = np.stack([(world.tcp(q, zero + 100 * e) - world.tcp(q, zero)) / 100 for e in np.eye(3)], 2)
+    said = -np.einsum("nij,nj->ni", np.linalg.inv(give), np.nan_to_num(o))
     def there(x: float) -> np.ndarray:
-        return np.stack([np.interp(s + x, path.s, cut.force[:, k]) for k in range(3)], 1)
+        return np.stack([np.interp(s + x, path.s, true_force[:, k]) for k in range(3)], 1)
     true, size = there(0), np.linalg.norm(there(0), axis=1)
     steady = np.all([np.linalg.norm(there(x) - true, axis=1) < 0.15 * size for x in (-0.7, 0.7)], axis=0)
-    use = steady & known & (size > 0.15 * size.max(initial=1e-9))
+    use = steady & (size > 0.15 * size.max(initial=1e-9))
     result = {"true_n": float(np.median(size[use])) if use.any() else None, "compared": int(use.sum())}
+    use &= np.linalg.norm(said, axis=1) > 0.05 * size                  # those that were corrected
     if use.any():
         f, g = said[use], true[use]
-        angle = np.degrees(np.arccos(np.clip((f * g).sum(1) / np.maximum(np.linalg.norm(f, axis=1) * size[use], 1e-9), -1, 1)))
+        angle = np.degrees(np.arccos(np.clip((f * g).sum(1) / (np.linalg.norm(f, axis=1) * size[use]), -1, 1)))
         result |= {"ratio": float((f * g).sum() / (g * g).sum()), "angle": float(np.median(angle)),
-                   "none": float(np.mean(np.linalg.norm(f, axis=1) < 0.05 * size[use]))}
+                   "none": 1 - int(use.sum()) / result["compared"]}
     return result
 
 
@@ -164,8 +164,9 @@ def judge(folder: pathlib.Path) -> dict:
     d0 = 1000 * np.linalg.norm(off0, axis=1)
     result |= {"steps": int(cuts.sum()), "before_rms": rms(d0[cuts]), "before_max": float(d0[cuts].max()),
                "mean_n": float(np.linalg.norm(plain.force[cuts], axis=1).mean()), "a_mean_n": truth["mean_n"]["A"]}
-    if (folder / "deviation.csv").exists():
-        result |= forces(folder, world, driven, path, plain)
+    at = target_at(driven, path, truth["styles"]["B"])
+    if (folder / "offsets.csv").exists():
+        result |= forces(folder, world, at, path, on_plan.force)
     after = {f: p.read_bytes() for f in names if (p := folder / "out" / f if len(names) > 1 else folder / "out.mod").exists()}
     if after and (folder / "offsets.csv").exists():
         result["changed"] = changed(before, after) if len(names) == 1 else []
@@ -177,7 +178,6 @@ def judge(folder: pathlib.Path) -> dict:
         s1, off1 = across(path, near, mended.place)
         d1 = 1000 * np.linalg.norm(off1, axis=1)
         cuts1 = np.interp(s1, path.s, cuts.astype(float)) > 0.5
-        at = target_at(driven, path)
         rows = [r for r in rows_of(folder / "offsets.csv") if int(r["target"]) in at]
         where = np.array([at[int(r["target"])] for r in rows])
         sigma = np.array([number(r, "left_um")[0] for r in rows])
@@ -237,9 +237,9 @@ def summary(all_of: list[dict]) -> str:
             continue
         v = {key: np.array([r[key] for r in rs if r.get(key) is not None]) for key in (
             "gone", "within1", "within2", "worse_share", "ratio", "angle")}
-        lines.append(f"{name}: {len(rs)} jobs, gone median {np.median(v['gone']):.1%} least {v['gone'].min():.1%}; within 1 sigma "
-                     f"{v['within1'].mean():.0%}, 2 sigma {v['within2'].mean():.0%} (least {v['within2'].min():.0%}); worse by "
-                     f"2 sigma: mean {v['worse_share'].mean():.1%}")
+        lines.append(f"{name}: {len(rs)} jobs, gone median {np.median(v['gone']):.1%} least {v['gone'].min():.1%}; within 1 "
+                     f"sigma {v['within1'].mean():.0%}, 2 sigma {v['within2'].mean():.0%} (least {v['within2'].min():.0%}); "
+                     f"worse by 2 sigma: mean {v['worse_share'].mean():.1%}")
         if len(v["ratio"]):
             lines[-1] += (f"; predicted over true force median {np.median(v['ratio']):.3f} ({v['ratio'].min():.3f} to "
                           f"{v['ratio'].max():.3f}), angle {np.median(v['angle']):.1f}")
