@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 JUDGES = [*(path for folder in ("virtual_cell", "second_cell") for path in (ROOT / "tests" / folder).glob("*.py")
             if not path.name.startswith("test_")), ROOT / "tests/identification/motion/simulated_joint.py",
           ROOT / "tests/desk_world.py",
-          *(path for author in ("blind", "jury", "third", "fourth", "fifth", "sixth", "motion", "shop")
+          *(path for author in ("blind", "jury", "third", "fourth", "fifth", "sixth", "motion", "shop", "stock")
             for path in (ROOT / "benchmarks").glob(f"{author}_*.py"))]
 # A sentence of the README, the page its figures are taken from, and how they stand there.
 FIGURES = (
