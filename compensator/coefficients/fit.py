@@ -11,18 +11,19 @@ from numpy.typing import NDArray
 
 from compensator.coefficients.fitted import FittedCoefficients
 from compensator.coefficients.next_cut import next_cut
-from compensator.correction.logged_pass import driven_as_said, read_offsets
-from compensator.correction.predict import Predicted, predict
+from compensator.coefficients.places_between import on_half_ways, places_between
+from compensator.correction.logged_pass import driven_as_said
+from compensator.correction.predict import Predicted, predict, read_log
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.cutting.coefficients import Coefficients
-from compensator.cutting.cut import cut_of
+from compensator.cutting.cut import Cut, cut_of
 from compensator.cutting.cutter import cutter_of, said_of_cutter
 from compensator.cutting.materials import MATERIALS, coefficients_of
 from compensator.cutting.posterior import ForcePosterior, ForceRows, fit_coefficients
 from compensator.cutting.rows import FEWEST, logged_rows
 from compensator.cutting.runout import missing_force
 from compensator.cutting.settings import CuttingSettings
-from compensator.cutting.stock_file import read_stock
+from compensator.cutting.stock_file import Blank, read_stock
 from compensator.forces.placement import ForceLog, TargetForces
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
@@ -32,6 +33,7 @@ from identification.common.quantities import two_sigma
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 
+Flags = NDArray[np.bool_]
 # Without a material in cell.yaml nothing is known before: a middle one, known to a factor of ten. Engineering judgement.
 ANY_MATERIAL, ANY_WIDTH = "steel", 2.0
 # What the table leaves of the force at a place, beside the coefficients.
@@ -68,16 +70,18 @@ def cutting_coefficients(
     CS4701
     """
     cutter_of(cell, program.toolpath.cutters)
-    predicted = predict(cell, program, model, forces, replace(settings, cutting=CuttingSettings()))
+    settings = replace(settings, cutting=CuttingSettings())
+    predicted = predict(cell, program, model, forces, settings)
     blank, rpm = read_stock(stock), settings.log.spindle_rpm
-    aside = standing(predicted)
-    cut = cut_of(predicted.path, blank, rpm, aside, blank.position_std)
-    check_in_the_stock(predicted.forces, cut.cuts | cut.unknown, blank.source)
-    rows, used = logged_rows(cut, predicted.forces)
+    cut, placed, rows, used = _held_against(predicted, blank, rpm)
+    if len(rows.force) < FEWEST and (spread := on_half_ways(read_log(predicted.path, forces, settings), predicted.path)):
+        predicted = predict(cell, program, model, spread, settings)
+        cut, placed, rows, used = _held_against(predicted, blank, rpm)
     if len(rows.force) < FEWEST:
-        raise error("CS4730", f"only {counted(len(rows.force), 'target')} with a force and engaged as the stock says, expected "
+        raise error("CS4730", f"only {counted(len(rows.force), 'place')} with a force and engaged as the stock says, expected "
                     f"at least {FEWEST}", file=predicted.forces.log.source,
-                    hint="is it the log of this program, and the stock it started from, in its work object?")
+                    hint="is it the log of this program, and the stock it started from, in its work object? Along long moves "
+                    "a log by position, path length or time has more places than one that names targets")
     chip = cut.track.chip[cut.engagement.cuts & ~cut.engagement.unknown]
     mean, covariance, material, assumed = before(cell, float(np.median(chip)))
     found = fit_coefficients(rows, mean, covariance)
@@ -95,12 +99,21 @@ def cutting_coefficients(
     depth = float(np.median(cut.engagement.depth[cut.engagement.cuts]))
     noise = float(np.hypot(found.floor, 0.5))
     further = next_cut(coefficients.mean, found.covariance, cut.cutter, depth, float(np.median(chip)), noise)
-    said = said_of_the_fit(found.mean, found.aside, cut.left.position_std, predicted.forces, used)
+    said = said_of_the_fit(found.mean, found.aside, cut.left.position_std, placed, used)
     findings = (*predicted.findings, *driven_as_said(predicted), *cut.findings(), *assumed, *said,
                 *said_of_the_forces(rows, found, predicted.forces.log.source),
                 *said_of_the_material(found, material, float(np.median(chip)), predicted.forces.log.source))
     of_table = share_of_table(found, material, float(np.median(chip)))
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings, of_table)
+
+
+def _held_against(predicted: Predicted, blank: Blank, rpm: float | None) -> tuple[Cut, TargetForces, ForceRows, Flags]:
+    """A logged pass through its stock, with the tool where the forces pushed it: the cut at the places of the log, the forces
+    there, and the rows of those (G,) that can be held against the cut."""
+    path, placed, aside = places_between(predicted)
+    cut = cut_of(path, blank, rpm, aside, blank.position_std)
+    check_in_the_stock(placed, cut.cuts | cut.unknown, blank.source)
+    return cut, placed, *logged_rows(cut, placed)
 
 
 def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings = DEFAULTS) -> FittedCoefficients:
@@ -148,15 +161,7 @@ def before(cell: Cell, chip: float) -> tuple[Array, Array, str | None, list[Find
         file=str(cell.source))]
 
 
-def standing(predicted: Predicted) -> Array:
-    """Where the tool stood off its plan while the log was taken (N, 3) [m], base frame."""
-    path, logged_with = predicted.path, predicted.settings.correction.logged_with
-    stood = np.zeros((len(path.toolpath), 3)) if logged_with is None else read_offsets(logged_with, path).copy()
-    stood[predicted.targets] += predicted.prediction.position
-    return stood
-
-
-def check_in_the_stock(forces: TargetForces, touches: NDArray[np.bool_], stock: Path) -> None:
+def check_in_the_stock(forces: TargetForces, touches: Flags, stock: Path) -> None:
     """Refused (CS4738) where over four fifths of the targets with force touch no stock; touches (N,): those that do."""
     with_force, beside = int(forces.forced.sum()), int((forces.forced & ~touches).sum())
     if beside > MOST_BESIDE * with_force:
@@ -168,7 +173,7 @@ def check_in_the_stock(forces: TargetForces, touches: NDArray[np.bool_], stock: 
 
 
 def said_of_the_fit(
-    mean: Array, aside: Array, position_std: float, forces: TargetForces, used: NDArray[np.bool_],
+    mean: Array, aside: Array, position_std: float, forces: TargetForces, used: Flags,
 ) -> list[Finding]:
     """What a user must know of the fit. mean (6,): of the coefficients. aside (3,): the tool beside the stock in the work
     object, in multiples of position_std [m]. used: targets that were taken."""

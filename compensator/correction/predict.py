@@ -239,7 +239,7 @@ def under_forces(
     Raises as `predict`."""
     noticed: tuple[Finding, ...] = program.toolpath.findings
     try:
-        log = _by_marks(_log(path, forces, settings), path, program, settings)
+        log = _by_marks(read_log(path, forces, settings), path, program, settings)
         if settings.correction.logged_with is not None:
             added = read_added(settings.correction.logged_with)
             log = log if added is None else by_given_targets(log, path, added)
@@ -263,7 +263,7 @@ def under_forces(
     return Predicted(settings, program, loaded, prediction, (*noticed, *left, *order, *prediction.findings, *told))
 
 
-def _log(path: RobotPath, forces: str | Path | ForceLog | None, settings: Settings) -> ForceLog:
+def read_log(path: RobotPath, forces: str | Path | ForceLog | None, settings: Settings) -> ForceLog:
     """The log, read from a file or as it is; None: predicted."""
     if isinstance(forces, ForceLog):
         return forces

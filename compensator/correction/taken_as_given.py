@@ -102,13 +102,14 @@ def taken_as_given(loaded: LoadedPath, settings: Settings, another: IfAnother | 
     place = "cuts at " + ", ".join(f"{name} {low:.0f} to {high:.0f}" for name, low, high in zip(
         "xyz", np.floor(at.min(axis=0)), np.ceil(at.max(axis=0)), strict=True)) + " mm from the robot's base"
     if loaded.forces.unknown is not None:
-        return TakenAsGiven(robot, place, 0.0, None, {}, _unstated(loaded), another.words if another else "")
+        return TakenAsGiven(robot, place, 0.0, None, {}, _unstated(loaded), of_stock=another.words if another else "")
     force = loaded.forces.wrench[targets, :3]
     axis = towards_spindle(path)[targets]
     across = np.linalg.norm(force - axis * np.einsum("ni,ni->n", force, axis)[:, None], axis=1)
     rpm = settings.log.spindle_rpm or cell.force_log.form.spindle_rpm
     power, sections = _cut(across, path.toolpath.feed[targets], cell.cutting, rpm)
-    return TakenAsGiven(robot, place, float(np.median(across)), power, sections, _unstated(loaded), _direction(loaded))
+    return TakenAsGiven(robot, place, float(np.median(across)), power, sections, _unstated(loaded),
+                        direction=_direction(loaded))
 
 
 def _direction(loaded: LoadedPath) -> str:

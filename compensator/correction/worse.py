@@ -130,7 +130,8 @@ def risk(
         mean = median - by(shift, moved)
         std = np.sqrt(np.einsum("ni,nij,nj->n", moved, of_springs, moved))
         one_way = (median > 0) & (mean >= median) & (mean > std)
-        spread[one_way], lift[one_way] = (std / mean)[one_way], (mean / median)[one_way] - 1
+        spread[one_way] = std[one_way] / mean[one_way]
+        lift[one_way] = mean[one_way] / median[one_way] - 1
     return Risk(by(moved, moved), by(before, moved), by(along, moved), by(along, before), by(moved, seen), by(along, seen),
                 np.einsum("ni,nij,nj->n", along, covariance, along),
                 np.trace(more, axis1=1, axis2=2) - np.einsum("ni,nij,nj->n", across, more, across), grows, spread, lift)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from compensator.cutting.chips import SHEAR
 from compensator.cutting.cutter import Cutter, cutter_of, said_of_cutter
 from compensator.cutting.removal import Engagement, mill_through
-from compensator.cutting.stock import Stock
+from compensator.cutting.stock import Stock, more_layers
 from compensator.cutting.stock_file import Blank, read_stock
 from compensator.cutting.track import Track, track_of
 from compensator.path.driven_path import DrivenPath, driven_path
@@ -25,6 +25,8 @@ from identification.common.findings import Finding, Refused, counted, error
 LONGEST, SHARE = 0.5e-3, 1 / 16
 # A tool that yields, and a stock that stands aside, are further off than this nowhere [m].
 MOST_ASIDE = 5e-3
+# Steps of height in which a tool that yields has cut off its level [m].
+YIELDED = 0.05e-3
 # So many places that stay as they are are named.
 NAMED = 5
 # Steps that cut deeper than the edges are long by this are no rounding [m].
@@ -222,12 +224,14 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     off = off if off is None or driven is None else off[driven.order]
     track = track_of(run, cutter.teeth, 60 / speed, piece, off, ball)
     _check_near(blank, track, cutter)
-    # Layers by the plan: what the tool yields moves it by less than a layer, and in that.
     planned = track if off is None else track_of(run, cutter.teeth, 60 / speed, piece, ball=ball)
-    levels = _levels(planned, blank.bounds, cutter.radius + MOST_ASIDE)
+    sideways = _sideways(planned, blank.bounds, cutter.radius + MOST_ASIDE)
+    levels = _heights(planned, sideways)
     # Where the edges end within the stock a layer ends, too.
     ends = levels + cutter.flute
     made = blank.stock(np.concatenate([levels, ends[ends < blank.bounds[1, 2]]]), cutter.corner)
+    if off is not None:
+        made = more_layers(made, levels, _heights(track, sideways) - levels, YIELDED)
     engagement, left = mill_through(made, track, cutter, step)
     if (track.start[:, 2] + cutter.flute < made.height[-1]).any():
         whole, _ = mill_through(made, track, replace(cutter, flute=np.inf))
@@ -264,10 +268,14 @@ def _check_near(blank: Blank, track: Track, cutter: Cutter) -> None:
                 file=str(blank.solid.source), hint="export it in the program's work object; are its `units` the stated ones?")
 
 
-def _levels(track: Track, bounds: Array, reach: float) -> Array:
-    """The heights (n,) [m] at which the tip goes sideways within `reach` [m] of the stock's bounds (2, 3): what it does beside
-    the stock cuts no layer."""
+def _sideways(track: Track, bounds: Array, reach: float) -> NDArray[np.bool_]:
+    """The steps (S,) on which the tip goes sideways within `reach` [m] of the stock's bounds (2, 3): what it does beside the
+    stock cuts no layer."""
     way = (track.end - track.start)[:, :2]
     low, high = np.minimum(track.start, track.end)[:, :2], np.maximum(track.start, track.end)[:, :2]
-    sideways = (np.hypot(*way.T) > 1e-9) & ((low < bounds[1, :2] + reach) & (high > bounds[0, :2] - reach)).all(axis=1)
-    return np.concatenate([track.start[sideways, 2], track.end[sideways, 2]])
+    return np.asarray((np.hypot(*way.T) > 1e-9) & ((low < bounds[1, :2] + reach) & (high > bounds[0, :2] - reach)).all(axis=1))
+
+
+def _heights(track: Track, steps: NDArray[np.bool_]) -> Array:
+    """Of the tip (n,) [m] at the ends of these steps (S,)."""
+    return np.concatenate([track.start[steps, 2], track.end[steps, 2]])

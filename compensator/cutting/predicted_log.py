@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from compensator.cutting.chips import EDGE
 from compensator.cutting.coefficients import Coefficients, check_same
 from compensator.cutting.cut import Cut, cut_of
 from compensator.cutting.stock_file import read_stock
@@ -77,7 +78,8 @@ def _stated(cut: Cut, coefficients: Coefficients) -> StockCut | None:
         return None
     material = (cut.path.cell.cutting.material or coefficients.material or "a material that is not stated").replace("_", " ")
     return StockCut(f"{cut.cutter.words()}, in {material}, on average {figures['depth_mm']:.2f} mm deep along the axis and "
-                    f"{figures['width_mm']:.2f} mm wide across the feed", cut.mean(cut.engagement.width), 2 * cut.cutter.radius)
+                    f"{figures['width_mm']:.2f} mm wide across the feed", cut.mean(cut.engagement.width), 2 * cut.cutter.radius,
+                    cut.per_target[:, :, EDGE] @ coefficients.mean[EDGE])
 
 
 def _outside(cut: Cut, coefficients: Coefficients) -> list[Finding]:

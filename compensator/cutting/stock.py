@@ -102,9 +102,28 @@ def layers_for(low: float, high: float, tips: Array, corner: float, thickness: f
     return np.linspace(low, high, MOST_LAYERS + 1)
 
 
+def more_layers(stock: Stock, level: Array, off: Array, step: float) -> Stock:
+    """The same stock with layers that end where a tool stood off its levels (n,) [m] by so much (n,) [m], too, in steps of
+    `step` [m], or of twice that and so on, as many layers as may be: what it cuts below its level is gone when it comes by
+    again, in a thick layer that begins at the level it would not be."""
+    low, high = stock.height[[0, -1]]
+    while (steps := np.round(off / step)).any():
+        more = np.unique(np.round(level / SAME_LEVEL) * SAME_LEVEL + step * steps)
+        height = np.union1d(stock.height, more[(more > low) & (more < high)])
+        kept = height[np.insert(np.diff(height) > SAME_LEVEL, 0, True)]
+        if len(kept) <= MOST_LAYERS + 1:
+            kept[-1] = high
+            return relayered(stock, kept)
+        step *= 2
+    return stock
+
+
 def relayered(stock: Stock, height: Array) -> Stock:
     """The same stock between other heights (L + 1,) [m] within its own: each layer is that which its middle lies in."""
     middle = 0.5 * (height[1:] + height[:-1])
     which = np.clip(np.searchsorted(stock.height, middle, side="right") - 1, 0, len(stock.inside) - 1)
     check_size(len(which), *stock.inside.shape[1:])
-    return Stock(stock.origin, stock.cell, height, stock.inside[which], stock.unknown, stock.position_std)
+    # A box's layers are one.
+    inside = stock.inside[which] if stock.inside.strides[0] else np.broadcast_to(
+        stock.inside[0], (len(which), *stock.inside.shape[1:]))
+    return Stock(stock.origin, stock.cell, height, inside, stock.unknown, stock.position_std)

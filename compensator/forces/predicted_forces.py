@@ -15,11 +15,12 @@ Indices = NDArray[np.intp]
 @dataclass(frozen=True, eq=False)
 class StockCut:
     """The cut that predicted forces are of, as it is stated: in words, its width (N,) across the feed at the targets and the
-    cutter's diameter [m]."""
+    cutter's diameter [m], and what the edges need of the force (N, 3) [N] there, whatever the chip, base frame."""
 
     words: str
     width: Array
     diameter: float
+    of_edges: Array
 
 
 @dataclass(frozen=True, eq=False)

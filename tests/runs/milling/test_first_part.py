@@ -184,10 +184,11 @@ def test_what_another_stock_or_cutter_would_mean_is_said(shop: Shop, fitted: dic
     kept = json.loads((shop.folder / "log.json").read_text())
     assert kept["mean"] == fitted["mean"]
 
-    def said(name: str, stock: Path, diameter: int = 16) -> tuple[Any, np.ndarray]:
+    def said(name: str, stock: Path, diameter: int = 16, edges: float = 1.0) -> tuple[Any, np.ndarray]:
         cell = shop.cell.with_name(f"{name}.yaml")
         cell.write_text(shop.cell.read_text().replace("tool_diameter_mm: 16", f"tool_diameter_mm: {diameter}"))
-        coefficients = kept | {"cutter": kept["cutter"] | {"diameter_mm": diameter}}
+        coefficients = kept | {"cutter": kept["cutter"] | {"diameter_mm": diameter},
+                               "mean": [*kept["mean"][:3], *(edges * value for value in kept["mean"][3:])]}
         (tmp_path / f"{name}.json").write_text(json.dumps(coefficients))
         found = predict_files(Inputs(cell, shop.b.program, shop.stiffness, None), Settings.of(
             predict_force=tmp_path / f"{name}.json", stock=stock))
@@ -203,7 +204,8 @@ def test_what_another_stock_or_cutter_would_mean_is_said(shop: Shop, fitted: dic
     commands = [step.command for step in steps_of(found, None, None)]
     assert all("--predict-force" in command and "--forces" not in command for command in commands)
     for stated, changed in ((0.5 * told.aside, said("aside", stock_file(shop.b.part, tmp_path / "m.npz", aside_mm=0.5))),
-                            (told.thicker, said("thick", shop.stocks[1], diameter=17))):
+                            (told.thicker, said("thick", shop.stocks[1], diameter=17)),
+                            (told.worn, said("worn", shop.stocks[1], edges=1.5))):
         other = np.linalg.norm(changed[1] - here, axis=1)
         assert 0.6 < stated / rms(other[np.isfinite(other)]) < 1.7
 

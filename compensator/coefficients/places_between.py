@@ -1,0 +1,96 @@
+"""Where a log is held against its cut: at the targets, and along moves that are long at places between them. The program of a
+slot or of a facing cut has a target a pass, and its log thousands of samples."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.correction.fine_grid import Grid, fine_grid
+from compensator.correction.grid_forces import forces_on
+from compensator.correction.grid_path import grid_path
+from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.logged_pass import read_offsets
+from compensator.correction.predict import Predicted
+from compensator.correction.prediction import predict_path
+from compensator.forces.placement import ForceLog, TargetForces
+from compensator.forces.program_time import moves_in_air
+from compensator.path.arc_length import borders
+from compensator.path.robot_path import RobotPath
+from identification.common.arrays import Array
+from identification.common.findings import Finding
+
+Indices = NDArray[np.intp]
+# Moves are cut into pieces of this length [m] and longer, with so many samples in each: neighbours remember each other.
+PIECE, SAMPLES = 2e-3, 8
+
+
+def places_between(predicted: Predicted) -> tuple[RobotPath, TargetForces, Array]:
+    """The program with places along its long moves, the forces of its log there, and where the tool stood off its plan while
+    the log was taken (G, 3) [m], base frame. Raises what `read_offsets` raises."""
+    aside, grid = _offsets(predicted), _grid(predicted)
+    if grid is None:
+        aside[predicted.targets] += predicted.prediction.position
+        return predicted.path, predicted.forces, aside
+    fine = grid_path(predicted.path, replace(grid, toolpath=replace(grid.toolpath, driven=_driven(predicted, grid), ways=())))
+    forces = forces_on(predicted, fine, grid, np.full(len(grid.owner), PIECE))
+    points = np.flatnonzero(forces.forced & fine.reached)
+    between = np.arange(len(grid.owner))
+    aside = np.column_stack([np.interp(between, grid.kept, axis) for axis in aside.T])
+    aside[points] += predict_path(LoadedPath(fine, forces, predicted.model, points, predicted.loaded.learned)).position
+    return fine, forces, aside
+
+
+def on_half_ways(log: ForceLog, path: RobotPath) -> ForceLog | None:
+    """A log that names the nearest target by path length: the samples of each as taken evenly, by the programmed time, over the
+    half ways beside it, which its mean is that of. None for another log, or where that time or the way is not known."""
+    time = np.cumsum(np.insert(path.move_time[1:], 0, 0.0))
+    if log.key != "target" or path.cell.force_log.form.target == "ahead" or path.toolpath.driven is not None or (
+            path.toolpath.ways or not np.isfinite(time).all() or not np.isfinite(path.length).all()):
+        return None
+    border = np.interp(borders(path.length), path.length, time)
+    start, end = np.insert(border, 0, time[0]), np.append(border, time[-1])
+    spread = log.on_stretches(start, end)
+    said = Finding("CS3040", "note", "few targets: the samples of each count as taken evenly over the half ways "
+                   "beside it", file=log.source)
+    return replace(spread, place=np.interp(spread.place, time, path.length), time=None, findings=(*log.findings, said))
+
+
+def _offsets(predicted: Predicted) -> Array:
+    """Those of the pass that was logged (N, 3) [m], base frame."""
+    file = predicted.settings.correction.logged_with
+    return np.zeros((len(predicted.path.toolpath), 3)) if file is None else read_offsets(file, predicted.path).copy()
+
+
+def _grid(predicted: Predicted) -> Grid | None:
+    """The moves with force in pieces; None where none is long enough, or the log names targets and tells nothing between
+    them."""
+    path, log = predicted.path, predicted.forces.log
+    if predicted.forces.named or path.toolpath.ways or path.axes.moves:
+        return None
+    forced = predicted.forces.forced
+    step = np.nan_to_num(np.diff(path.length, prepend=np.nan))
+    ends = np.maximum.accumulate(np.nan_to_num(path.length))
+    on = log.place[np.isfinite(log.place) & (log.place >= 0) & (log.place <= ends[-1])]
+    number = np.clip(np.searchsorted(ends, on, side="left"), 1, len(step) - 1)
+    rows = np.bincount(number, minlength=len(step))
+    pieces = np.maximum(PIECE, SAMPLES * step / np.maximum(rows, 1))
+    cut = (forced | np.insert(forced[:-1], 0, False)) & ~moves_in_air(path.toolpath) & (rows >= 2 * SAMPLES)
+    pieces[~cut] = np.inf
+    return fine_grid(predicted.program.text, path, np.where(cut, pieces, PIECE), pieces,
+                     predicted.settings.correction.tolerance, keep=True, whole=True)
+
+
+def _driven(predicted: Predicted, grid: Grid) -> Indices | None:
+    """The points in the order in which they are driven: those of a move stand before the target that it leads to, where the
+    program drives there from the target before it in the text."""
+    order = predicted.path.toolpath.driven
+    if order is None:
+        return None
+    first = np.concatenate([[0], grid.kept[:-1] + 1])
+    led = np.diff(order, prepend=-2) != 1
+    runs = [np.arange(grid.kept[target] if alone else first[target], grid.kept[target] + 1)
+            for target, alone in zip(order.tolist(), led.tolist(), strict=True)]
+    return np.concatenate(runs)
