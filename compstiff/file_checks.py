@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,12 +14,15 @@ from compensator.correction.settings import DEFAULTS, Settings
 from compensator.posting.suffixes import toolpath_stem, toolpath_suffix
 from compstiff.file_kinds import SUFFIXES, Kind, kind_of
 from compstiff.quaternion_orders import W_FIRST, in_another_order
-from identification.common.findings import CompstiffError, Finding, Refused, counted, error
+from identification.common.findings import CompstiffError, Finding, Refused, counted, error, verb
 from identification.common.made_from import said_of_tables
 from identification.model.cell import Cell, read_cell
 from identification.model.cell_file import ForceLogFile
 from identification.model.cell_sizes import odd_sizes
 from identification.model.quaternion_order import in_words, said_of_order
+
+if TYPE_CHECKING:
+    from compensator.posting.read_toolpath import PlannedProgram
 
 # The distance between TCP and edge for which `push` states what the turn that is not sent costs; here nothing is sent.
 REACH_MM = 10.0
@@ -217,6 +220,7 @@ def _measurements(file: Path, cell: Cell, settings: Settings) -> tuple[str, tupl
 
 
 def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
+    from compensator.correction.correctable import check_known
     from compensator.correction.predict import other_tools
     from compensator.correction.recorded import check_not_corrected
     from compensator.path.robot_path import robot_path
@@ -231,7 +235,9 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
         hint = f"{order}: {W_FIRST}; " if order else ""
         raise Refused(*(replace(finding, hint=hint + finding.hint) for finding in refused.findings)) from refused
     if not len(program.toolpath):
-        raise error("CS4202", "the program has no move", file=str(file), hint="name the module that holds the moves")
+        return _without_moves(file, program)
+    if not program.toolpath.others.targets:     # else it is sound, with the modules that it names
+        check_known(program.toolpath)
     # Absurd numbers overflow on their way to a finding; NumPy need not say so too.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         path = robot_path(program.toolpath, cell)
@@ -257,6 +263,20 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
     except Refused as corrected:        # a good file all the same: it goes to the robot, not through `correct` again
         findings += tuple(replace(finding, level="note") for finding in corrected.findings)
     return words, findings
+
+
+def _without_moves(file: Path, program: PlannedProgram) -> tuple[str, tuple[Finding, ...]]:
+    """A module of a job: the data and routines that its other modules name, or the one that calls them. Raises CompstiffError
+    (CS4202) where it is neither."""
+    from compensator.posting.beside import users_beside
+
+    users = users_beside(file)
+    if users:
+        shown = ", ".join(users[:3]) + (f" and {len(users) - 3} more" if len(users) > 3 else "")
+        return f"no move; {shown} beside it {verb(len(users), 'name')} what it declares", program.toolpath.findings
+    if any(finding.code == "CS2016" for finding in program.toolpath.findings):
+        return "no move of its own", program.toolpath.findings
+    raise error("CS4202", "the program has no move", file=str(file), hint="name the module that holds the moves")
 
 
 def _force_log(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
@@ -374,6 +394,9 @@ def _placed(log_file: Path, program: Path, cell: Cell, settings: Settings) -> tu
 
     log = read_force_log(log_file, cell.force_log.form, log_format=settings.log.log_format,
                          spindle_rpm=settings.log.spindle_rpm)
+    toolpath = read_toolpath(program, cell, settings.posting).toolpath
+    if toolpath.others.targets:                 # the log lies on it with the modules that it names
+        return "", ()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        path = robot_path(read_toolpath(program, cell, settings.posting).toolpath, cell)
+        path = robot_path(toolpath, cell)
         return "", place_forces(log, path, cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare).findings

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from compensator.correction.driven_axes import said_of_axes, unknown_axes
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
+from compensator.toolpath import Toolpath
 from identification.common.findings import CompstiffError, Finding, Refused
 
 Array = NDArray[np.float64]
@@ -48,6 +49,13 @@ def targets_to_correct(path: RobotPath, forces: TargetForces) -> tuple[Indices, 
         raise Refused(replace(first, count=len(lost)))
     refuse_outside(path, rest, path.theta[rest], "as planned")
     return rest, findings + said_of_axes(path, rest)
+
+
+def check_known(toolpath: Toolpath) -> None:
+    """Raises CompstiffError (CS2011) for a program of which no target has a known place, since it does not declare them."""
+    undeclared = [finding for finding in toolpath.findings if finding.code == "CS2011"]
+    if undeclared and np.isnan(toolpath.position).any(axis=1).all():
+        raise CompstiffError(replace(undeclared[0], level="error"))
 
 
 def _not_understood(path: RobotPath, targets: Indices) -> list[Finding]:

@@ -215,6 +215,9 @@ def _world_positions(log: ForceLog, path: RobotPath) -> Array:
     """TCP positions of the samples (M, 3) [m] in the world, external axes at their resting values; one tool and one work object
     are required."""
     used = path.used_frames
+    if not len(used.tools if log.key == "joints" else used.workobjects):
+        raise error("CS3005", "the program has no target of known position to place the log on", file=log.source,
+                    hint=why_unknown(path))
     if log.key == "joints":
         if len(used.tools) != 1:
             raise error("CS3010", f"a log placed by joint angles needs one tool, the program uses {len(used.tools)}",
