@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from statistics import NormalDist
 from typing import Any
 
@@ -18,6 +19,7 @@ from compensator.forces.edges import at_edges
 from compensator.forces.gaps import filled, short_gaps, without_sample_in_cut
 from compensator.forces.late_forces import said_of_delay
 from compensator.forces.log import ForceLog, read_force_log
+from compensator.forces.misread_places import misread
 from compensator.forces.one_pass import check_once, said_of_lost, targets_of
 from compensator.forces.program_time import moves_in_air
 from compensator.forces.ripple import said_of_teeth
@@ -96,10 +98,12 @@ def place_forces(
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, CS3119 it goes twice over it, and what
     `as_driven` and `zero_of` raise.
     """
+    given = log
     log, held = _without_held(as_driven(log, path), path)
     target = targets_of(log, path)
     on = target >= 0
-    findings = [*check_once(log, target, path.toolpath.driven), *said_of_lost(log, on, path.toolpath.others)]
+    findings = [*check_once(log, target, path.toolpath.driven),
+                *said_of_lost(log, on, path.toolpath.others, partial(misread, given, path))]
     behind = None if log.key == "target" else log.place[on] > path.length[target[on]]
     here = slice(None) if on.all() else on
     rows = TargetRows(len(path.toolpath), target[here], log.weight[here], behind)
