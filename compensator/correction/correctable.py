@@ -15,6 +15,8 @@ from identification.common.findings import CompstiffError, Finding, Refused
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+# What is said of where a move with force stands.
+OF_PLACES = ("CS4104", "CS4105")
 BEYOND = 1e-7       # joint limits that are exceeded by more [rad] are exceeded
 
 
@@ -56,6 +58,18 @@ def check_known(toolpath: Toolpath) -> None:
     undeclared = [finding for finding in toolpath.findings if finding.code == "CS2011"]
     if undeclared and np.isnan(toolpath.position).any(axis=1).all():
         raise CompstiffError(replace(undeclared[0], level="error"))
+
+
+def said_before_forces(path: RobotPath, targets: Indices) -> list[Finding]:
+    """What of these targets, of known pose, `targets_to_correct` would refuse for their place if they had force: warnings."""
+    found, reached = _nowhere_declared(path, targets), targets[path.reached[targets]]
+    if not found:
+        try:
+            refuse_outside(path, reached, path.theta[reached], "as planned")
+        except Refused as refused:
+            found = list(refused.findings)
+    return [replace(finding, level="warning", message=finding.message.replace("a move with force is", "a move is"))
+            for finding in found]
 
 
 def _not_understood(path: RobotPath, targets: Indices) -> list[Finding]:
