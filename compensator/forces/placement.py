@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from compensator.forces.cut_direction import said_of_direction, travel
 from compensator.forces.detection import SIGMAS, over_noise, over_scatter, without_gaps
-from compensator.forces.driven_feed import said_of_feed
+from compensator.forces.driven_feed import said_of_clock, said_of_feed
 from compensator.forces.driven_moves import as_driven
 from compensator.forces.edges import at_edges
 from compensator.forces.gaps import filled, short_gaps, without_sample_in_cut
@@ -137,7 +137,8 @@ def place_forces(
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces, between),
                  *_in_air(log, path, forces),
                  *_driven_in_air(log, path, forces),
-                 *(said_of_feed(log, path, forced) if log.predicted is None else ()), *said_of_delay(log, path),
+                 *((*said_of_feed(log, path, forced), *said_of_clock(log, path, float(log.weight[on].sum())))
+                   if log.predicted is None else ()), *said_of_delay(log, path),
                  *(_direction(log, path, cell, forced, wrench, mean) if log.predicted is None else ())]
     held = held[forces.samples[held] == 0]
     return replace(forces, held=held, findings=(*log.findings, *findings, *_held(held, path)))
