@@ -83,10 +83,12 @@ class Way:
 @dataclass(frozen=True, slots=True)
 class OtherFiles:
     """What of a program stands in other files. started: it has the routine that the robot starts; called: routines that it
-    calls, that no file at hand holds, and that may drive, each with its line."""
+    calls, that no file at hand holds, and that may drive, each with its line; targets: the files beside it that declare all the
+    targets which it names and does not declare; none where one of these is nowhere."""
 
     started: bool = True
     called: tuple[str, ...] = ()
+    targets: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,12 +14,17 @@ from compensator.correction.settings import DEFAULTS, Settings
 from compensator.posting.suffixes import toolpath_stem, toolpath_suffix
 from compstiff.file_kinds import SUFFIXES, Kind, kind_of
 from compstiff.quaternion_orders import W_FIRST, in_another_order
-from identification.common.findings import CompstiffError, Finding, Refused, counted, error
+from identification.common.findings import CompstiffError, Finding, Refused, counted, error, verb
 from identification.common.made_from import said_of_tables
 from identification.model.cell import Cell, read_cell
 from identification.model.cell_file import ForceLogFile
 from identification.model.cell_sizes import odd_sizes
 from identification.model.quaternion_order import in_words, said_of_order
+
+if TYPE_CHECKING:
+    from compensator.forces.placement import TargetForces
+    from compensator.path.robot_path import RobotPath
+    from compensator.posting.read_toolpath import PlannedProgram
 
 # The distance between TCP and edge for which `push` states what the turn that is not sent costs; here nothing is sent.
 REACH_MM = 10.0
@@ -217,8 +222,10 @@ def _measurements(file: Path, cell: Cell, settings: Settings) -> tuple[str, tupl
 
 
 def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
+    from compensator.correction.correctable import check_known, said_before_forces
     from compensator.correction.predict import other_tools
     from compensator.correction.recorded import check_not_corrected
+    from compensator.forces.program_time import moves_in_air
     from compensator.path.robot_path import robot_path
     from compensator.posting.read_toolpath import read_toolpath
 
@@ -231,7 +238,9 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
         hint = f"{order}: {W_FIRST}; " if order else ""
         raise Refused(*(replace(finding, hint=hint + finding.hint) for finding in refused.findings)) from refused
     if not len(program.toolpath):
-        raise error("CS4202", "the program has no move", file=str(file), hint="name the module that holds the moves")
+        return _without_moves(file, program)
+    if not program.toolpath.others.targets:     # else it is sound, with the modules that it names
+        check_known(program.toolpath)
     # Absurd numbers overflow on their way to a finding; NumPy need not say so too.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         path = robot_path(program.toolpath, cell)
@@ -248,6 +257,8 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
         findings += (Finding("CS0114", "warning", f"the robot does not reach {len(beyond)} of {len(program.toolpath)} targets",
                              file=str(file), line=int(program.toolpath.line[first]), target=int(program.toolpath.number[first]),
                              hint="are tool, work object and base_frame those of the controller?"),)
+    cuts = np.flatnonzero(posed & ~moves_in_air(program.toolpath) & (program.toolpath.block == ""))
+    findings += tuple(said_before_forces(path, cuts))
     order = in_another_order(file, cell, settings.posting, path, program)
     if order:
         findings += (Finding(
@@ -257,6 +268,20 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
     except Refused as corrected:        # a good file all the same: it goes to the robot, not through `correct` again
         findings += tuple(replace(finding, level="note") for finding in corrected.findings)
     return words, findings
+
+
+def _without_moves(file: Path, program: PlannedProgram) -> tuple[str, tuple[Finding, ...]]:
+    """A module of a job: the data and routines that its other modules name, or the one that calls them. Raises CompstiffError
+    (CS4202) where it is neither."""
+    from compensator.posting.beside import users_beside
+
+    users = users_beside(file)
+    if users:
+        shown = ", ".join(users[:3]) + (f" and {len(users) - 3} more" if len(users) > 3 else "")
+        return f"no move; {shown} beside it {verb(len(users), 'name')} what it declares", program.toolpath.findings
+    if any(finding.code == "CS2016" for finding in program.toolpath.findings):
+        return "no move of its own", program.toolpath.findings
+    raise error("CS4202", "the program has no move", file=str(file), hint="name the module that holds the moves")
 
 
 def _force_log(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
@@ -349,24 +374,47 @@ READERS: dict[str, Reader] = {
 
 
 def _with_pairs(checks: list[FileCheck], cell: Cell | None, settings: Settings) -> list[FileCheck]:
-    """Each log beside a program of its stem, held against that program: what is wrong between the two is said of the log."""
+    """Each log beside a program of its stem, held against that program: what is wrong between the two is said of the log, and
+    what `correct` refuses of the moves with force is said of the program."""
     if cell is None:
         return checks
     programs = {toolpath_stem(one.file): one for one in checks if one.kind == "toolpath" and one.verdict != "error"}
-    result = []
+    result: list[FileCheck] = []
+    forces: dict[Path, tuple[RobotPath, TargetForces]] = {}
+
+    def held(log_file: Path, program: Path) -> tuple[str, tuple[Finding, ...]]:
+        placed = _placed(log_file, program, cell, settings)
+        if placed is None:
+            return "", ()
+        forces[program] = placed
+        return "", placed[1].findings
+
     for one in checks:
         program = programs.get(one.file.name.lower().partition(".forces.")[0]) or programs.get(
             one.file.name.partition(".forces.")[0])
         if one.kind == "force log" and one.verdict != "error" and program is not None:
-            paired = _attempt(one.file, one.kind, partial(_placed, one.file, program.file, cell, settings))
+            paired = _attempt(one.file, one.kind, partial(held, one.file, program.file))
             more = tuple(finding for finding in paired.findings if finding.level != "note" and finding not in one.findings)
             found = f"{one.found}; of {program.file.name}" if paired.verdict != "error" else one.found
             one = replace(one, found=found, findings=(*one.findings, *more), refused=paired.refused)
         result.append(one)
-    return result
+    return [_under_forces(one, *forces[one.file]) if one.file in forces else one for one in result]
 
 
-def _placed(log_file: Path, program: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
+def _under_forces(check: FileCheck, path: RobotPath, forces: TargetForces) -> FileCheck:
+    """A program with what `correct` refuses of its moves with force, in place of what was said of all that may cut."""
+    from compensator.correction.correctable import OF_PLACES, targets_to_correct
+
+    others = tuple(finding for finding in check.findings if finding.code not in OF_PLACES)
+    try:
+        targets_to_correct(path, forces)
+    except CompstiffError as stopped:
+        return replace(check, findings=(*others, *stopped.findings), refused=isinstance(stopped, Refused))
+    return replace(check, findings=others)
+
+
+def _placed(log_file: Path, program: Path, cell: Cell, settings: Settings) -> tuple[RobotPath, TargetForces] | None:
+    """A log on its program; None where it lies on that and the modules which it names."""
     from compensator.forces.log import read_force_log
     from compensator.forces.placement import place_forces
     from compensator.path.robot_path import robot_path
@@ -374,6 +422,9 @@ def _placed(log_file: Path, program: Path, cell: Cell, settings: Settings) -> tu
 
     log = read_force_log(log_file, cell.force_log.form, log_format=settings.log.log_format,
                          spindle_rpm=settings.log.spindle_rpm)
+    toolpath = read_toolpath(program, cell, settings.posting).toolpath
+    if toolpath.others.targets:
+        return None
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        path = robot_path(read_toolpath(program, cell, settings.posting).toolpath, cell)
-        return "", place_forces(log, path, cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare).findings
+        path = robot_path(toolpath, cell)
+        return path, place_forces(log, path, cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)

@@ -22,8 +22,9 @@ REPORTS = {
 }
 
 
-def report(result: object) -> str:
-    """The HTML report of a result: one page that opens offline. Raises TypeError for a value that has none.
+def report(result: object, **files: Path | None) -> str:
+    """The HTML report of a result: one page that opens offline. files: those that were written beside it and that its steps
+    name, such as extended of a diagnosis. Raises TypeError for a value that has none.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> fit = compstiff.fit_stiffness(cell, compstiff.read_measurements("measurements.csv", cell.robot))
@@ -34,7 +35,7 @@ def report(result: object) -> str:
     if where is None:
         raise TypeError(f"there is no report of {type(result).__name__}; there is one of {', '.join(REPORTS)}")
     module, _, name = where.partition(":")
-    page: str = getattr(import_module(module), name)(result)
+    page: str = getattr(import_module(module), name)(result, **files)
     return page
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from compensator.coefficients.fitted import FittedCoefficients
 from compensator.coefficients.next_cut import next_cut
-from compensator.coefficients.places_between import on_half_ways, places_between
 from compensator.correction.logged_pass import driven_as_said
+from compensator.correction.places_between import on_half_ways, places_between
 from compensator.correction.predict import Predicted, predict, read_log
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.cutting.coefficients import Coefficients

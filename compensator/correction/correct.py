@@ -77,12 +77,13 @@ class Corrected:
         return int(np.argmax(moved)) if moved.any() else None
 
     def as_dict(self) -> dict[str, Any]:
-        """The figures of the job, JSON values; those with force count its intermediate targets too."""
+        """The figures of the job, JSON values: those of the prediction are of the program as given, those of the correction
+        count its intermediate targets too."""
         offset, turn = (np.linalg.norm(values, axis=1) for values in (self.correction.offset, self.correction.turn))
-        figures = self.predicted.as_dict() | {
-            "targets": len(self.kept),
+        figures = self.planned.as_dict() | {
             "added_targets": len(self.predicted.path.toolpath) - len(self.kept),
             "corrected": len(offset),
+            "corrected_added": int(np.isin(self.correction.targets, self.kept, invert=True).sum()),
             "offset_mm": largest_and_rms(1e3 * offset),
             "turn_deg": largest_and_rms(np.degrees(turn)),
             "residual_um": largest_and_rms(1e6 * self.residual),
@@ -106,7 +107,7 @@ class Corrected:
                  "program counts otherwise (offsets.csv: added)"] if figures["added_targets"] else []
         return [
             *self.planned.figure_lines(), *added,
-            f"corrected: {counted(figures['corrected'], 'target')}; largest correction {offset['largest']:.4f} mm and "
+            f"corrected: {self.corrected_words()}; largest correction {offset['largest']:.4f} mm and "
             f"{figures['turn_deg']['largest']:.4f} deg",
             f"left after correction, by the same model: largest {residual['largest']:.2f} um, RMS {residual['rms']:.2f} um ("
             + (f"{counted(held_back, 'correction')} held back, else the rounding of the written numbers)" if held_back
@@ -124,6 +125,12 @@ class Corrected:
             *(self.feed.lines() if self.feed else []),
             *self.planned.taken.lines(),
         ]
+
+    def corrected_words(self) -> str:
+        """How many targets were corrected, and how many of them the correction has added itself."""
+        figures = self.as_dict()
+        own = f", {figures['corrected_added']} of the {figures['added_targets']} added among them"
+        return counted(figures["corrected"], "target") + (own if figures["added_targets"] else "")
 
     def between_line(self) -> str:
         """What is left between the targets, for people."""

@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 from compensator.correction.driven_axes import said_of_axes, unknown_axes
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
+from compensator.toolpath import Toolpath
 from identification.common.findings import CompstiffError, Finding, Refused
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+# What is said of where a move with force stands.
+OF_PLACES = ("CS4104", "CS4105")
 BEYOND = 1e-7       # joint limits that are exceeded by more [rad] are exceeded
 
 
@@ -48,6 +51,25 @@ def targets_to_correct(path: RobotPath, forces: TargetForces) -> tuple[Indices, 
         raise Refused(replace(first, count=len(lost)))
     refuse_outside(path, rest, path.theta[rest], "as planned")
     return rest, findings + said_of_axes(path, rest)
+
+
+def check_known(toolpath: Toolpath) -> None:
+    """Raises CompstiffError (CS2011) for a program of which no target has a known place, since it does not declare them."""
+    undeclared = [finding for finding in toolpath.findings if finding.code == "CS2011"]
+    if undeclared and np.isnan(toolpath.position).any(axis=1).all():
+        raise CompstiffError(replace(undeclared[0], level="error"))
+
+
+def said_before_forces(path: RobotPath, targets: Indices) -> list[Finding]:
+    """What of these targets, of known pose, `targets_to_correct` would refuse for their place if they had force: warnings."""
+    found, reached = _nowhere_declared(path, targets), targets[path.reached[targets]]
+    if not found:
+        try:
+            refuse_outside(path, reached, path.theta[reached], "as planned")
+        except Refused as refused:
+            found = list(refused.findings)
+    return [replace(finding, level="warning", message=finding.message.replace("a move with force is", "a move is"))
+            for finding in found]
 
 
 def _not_understood(path: RobotPath, targets: Indices) -> list[Finding]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.beside_stock import beside_stock
-from compensator.correction.correctable import targets_to_correct
+from compensator.correction.correctable import check_known, targets_to_correct
 from compensator.correction.if_another import IfAnother, if_another
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.log_numbers import by_given_targets
@@ -146,8 +146,8 @@ def predict(
     forces are predicted from the stock, as `settings.cutting` says (docs/cutting.md).
 
     Raises CompstiffError (CS4723) for neither a log nor all that a prediction needs, Refused (CS1022) for a
-    model that its own measurements reject, CompstiffError (CS4202) for a program without a move, and what `read_force_log`,
-    `place_forces`, `compared`, `targets_to_correct` and `predict_path` raise.
+    model that its own measurements reject, CompstiffError (CS4202) for a program without a move, (CS2011) for one that declares
+    none of its targets, and what `read_force_log`, `place_forces`, `compared`, `targets_to_correct` and `predict_path` raise.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -167,6 +167,7 @@ def predict(
     if not len(program.toolpath):
         raise error("CS4202", "the program has no move, so its force log belongs to no target",
                     file=str(program.source or program.toolpath.source), hint="name the module that holds the moves")
+    check_known(program.toolpath)
     # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         predicted = under_forces(robot_path(program.toolpath, cell), program, model, forces, settings, learned)

@@ -46,12 +46,11 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None, offset
     if corrected is not None:
         offset, residual = figures["offset_mm"], figures["residual_um"]
         lead.append(
-            f"{counted(figures['corrected'], 'target', 'were')} corrected, {_between_them(corrected)} of them added between "
-            f"those given, by "
-            f"up to {offset['largest']:.3f} mm. With the written numbers the same model leaves {residual['largest']:.2f} um at "
-            "most. "
+            f"Corrected: {corrected.corrected_words()}, by up to {offset['largest']:.3f} mm. With the written "
+            f"numbers the same model leaves {residual['largest']:.2f} um at most. "
             f"{corrected.left.sentence()} "
-            f"{figures['expected_worse']:.1f} of the targets are expected to end up farther off than uncorrected. "
+            f"Of {counted(figures['corrected'], 'target')} {figures['expected_worse']:.1f} are expected to end up farther off "
+            "than uncorrected. "
             + (f"The force follows the cut: {corrected.stiffness.words()} ({corrected.stiffness.origin})."
                if corrected.left_as_logged is None and corrected.stiffness is not None else
                f"The forces are predicted from the stock, for a tool on its plan: {corrected.as_logged()}."
@@ -138,11 +137,6 @@ def _space(job: Predicted | Corrected, budget: Budget | None) -> View:
     title = "The path and where the tool is pushed" if corrected is None else "The path and what is expected to be left on it"
     return path_view(title, "Base frame, millimetres. Lines and targets are those of the program as given. Thin grey: no "
                      "force. Marks: findings that name a line.", path, shown, planned.program.text, findings)
-
-
-def _between_them(corrected: Corrected) -> int:
-    """How many of the corrected targets the correction has added."""
-    return int(np.isin(corrected.correction.targets, corrected.kept, invert=True).sum())
 
 
 def _along(predicted: Predicted, corrected: Corrected | None) -> Figure:

@@ -52,12 +52,9 @@ def said_of_feed(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_]) -> l
     middle, most = share[cut][order][np.searchsorted(passed, (0.5, 0.9))].tolist()
     if most >= SLOW and middle <= FAST:
         return []
-    unit = next((unit for unit, factor in UNITS.items() if 0.3 * factor < middle < 3 * factor), "")
+    unit = unit_of_time(middle)
     if unit:
-        return [Finding(
-            "CS3072", "warning", f"by the time in this log the cuts were driven at {100 * middle:.2g} % of their feed: it "
-            f"seems to be in {unit}", file=log.source, hint="time_s is in seconds; by it the samples of a turn of the spindle "
-            "are counted, too")]
+        return [_in_unit(log, unit, middle)]
     if cut.sum() < FEWEST:
         return []
     counted = not log.sent and all(finding.code != "CS3090" for finding in log.findings)
@@ -70,3 +67,29 @@ def said_of_feed(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_]) -> l
         f"in ten under {100 * most:.0f} %): the force is that of another feed", file=log.source,
         hint="was the override on, or is it the log of another version? Log the pass as the corrected program will be driven. "
         "A robot that never holds its feed (--check-feed) will not then either, and the log is right")]
+
+
+def said_of_clock(log: ForceLog, path: RobotPath, samples: float) -> list[Finding]:
+    """A warning (CS3072) where the time of a log is in milliseconds or less by how long it took for all of the program: told
+    of logs whose rows are not in the order of time any more, or that name targets. samples: so many are on the path."""
+    if log.rate is None or log.key not in ("path_mm", "target") or log.spread is not None or (
+            log.key == "path_mm" and log.time is not None):
+        return []
+    way, feed = np.diff(path.length, prepend=np.nan), path.toolpath.feed
+    known = np.isfinite(way) & (feed > 0)
+    share = float(np.sum(way[known] / feed[known])) * log.rate / samples if samples else 0.0
+    unit = unit_of_time(share)
+    return [_in_unit(log, unit, share)] if unit and share < 1 else []
+
+
+def unit_of_time(share: float) -> str:
+    """The unit in which a time is that shows such a share of the feed; "" for seconds, or none."""
+    return next((unit for unit, factor in UNITS.items() if 0.3 * factor < share < 3 * factor), "")
+
+
+def _in_unit(log: ForceLog, unit: str, share: float) -> Finding:
+    """What is said of a time in another unit, by which the cuts were driven at such a share of their feed."""
+    return Finding(
+        "CS3072", "warning", f"by the time in this log the cuts were driven at {100 * share:.2g} % of their feed: it seems to "
+        f"be in {unit}", file=log.source, hint="time_s is in seconds; by it the samples of a turn of the spindle are "
+        "counted, too")

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from compensator.forces.home import counted_from_home
 from compensator.forces.log import ForceLog
-from compensator.forces.map_matching import match_forwards, match_nearest_pass
+from compensator.forces.map_matching import match_nearest_pass
+from compensator.forces.misread_places import SHORT, UNITS, misread
 from compensator.forces.time_log import place_by_time
 from compensator.path.arc_length import polyline
 from compensator.path.robot_path import RobotPath
@@ -21,14 +22,10 @@ from identification.model.kinematics import forward
 # The middle of all samples is off the path by more than this [m] where TCP, work object or program differ: what zones and delay
 # put a sample off cancels in the middle, and a corrected pass stands off by less (engineering judgement).
 BESIDE = 5e-4
-# What a column of millimetres may be in by mistake.
-UNITS = {"metres": 1e3, "inches": 25.4, "micrometres": 1e-3}
 # A log by path length is of the path without targets of unknown position where it ends so near to its end [m], [share].
 ENDS, ENDS_SHARE = 1e-3, 1e-3
 # A log of which no more than this share is left is not used.
 LEAST = 0.1
-# Asked where samples are on no more than this share of the path: those near its zero lie on it in any unit.
-SHORT = 0.02
 
 
 def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
@@ -68,11 +65,12 @@ def _on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     position = _world_positions(log, path)
     place, passes = match_nearest_pass(points, length, position)
     if not np.isfinite(place).any() or np.ptp(place[np.isfinite(place)]) < SHORT * length[-1]:
-        _check_unit(log, position, points, "x_mm y_mm z_mm are")
-    frame = _frame_of(log, path, points, length) if np.isnan(place).all() else ""
-    if frame:
-        raise error("CS3005", f"none of the {counted(int(log.weight.sum()), 'sample')} lies on this path", file=log.source,
-                    hint=f"they do as positions in {frame}: x_mm y_mm z_mm are in the program's work object")
+        taken = misread(log, path)
+        if taken:
+            raise error("CS3005", f"{counted(int(log.weight.sum()), 'sample', 'do')} not lie along this path", file=log.source,
+                        hint=taken)
+        if log.key == "position":
+            _check_unit(log, position, points, "x_mm y_mm z_mm are")
     beside = position - np.column_stack([np.interp(place, length, axis) for axis in points.T])
     return replace(log, key="path_mm", place=_in_time(log, place, path), findings=(*log.findings, *_beside(log, beside),
                    *_of_passes(log, place, beside, passes)), on_path=True, sent=True, beside=beside)
@@ -97,15 +95,6 @@ def _check_unit(log: ForceLog, position: Array, points: Array, named: str) -> No
         raise error("CS3005", f"{counted(int(log.weight.sum()), 'sample', 'do')} not lie on this path: all are within "
                     f"{1e3 * _reach(position):.3g} mm, the program reaches over {1e3 * _reach(points):.3g} mm", file=log.source,
                     hint=f"the log seems to be in {unit}: {named} in millimetres")
-
-
-def _frame_of(log: ForceLog, path: RobotPath, points: Array, length: Array) -> str:
-    """The frame in which the logged positions lie on the path, points (K, 3) at length (K,); "" for none."""
-    if log.key != "position":
-        return ""
-    frames = {"the world": log.place, "the robot's base": path.cell.world_from_base.apply(log.place)}
-    return next((name for name, position in frames.items()
-                 if np.isfinite(match_forwards(points, length, position)).mean() > 0.5), "")
 
 
 def _in_time(log: ForceLog, place: Array, path: RobotPath) -> Array:
@@ -215,6 +204,9 @@ def _world_positions(log: ForceLog, path: RobotPath) -> Array:
     """TCP positions of the samples (M, 3) [m] in the world, external axes at their resting values; one tool and one work object
     are required."""
     used = path.used_frames
+    if not len(used.tools if log.key == "joints" else used.workobjects):
+        raise error("CS3005", "the program has no target of known position to place the log on", file=log.source,
+                    hint=why_unknown(path))
     if log.key == "joints":
         if len(used.tools) != 1:
             raise error("CS3010", f"a log placed by joint angles needs one tool, the program uses {len(used.tools)}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -42,16 +43,19 @@ def targets_of(log: ForceLog, path: RobotPath) -> Indices:
     return np.where(inside, nearest_target(length, np.where(inside, log.place, 0.0)), -1)
 
 
-def said_of_lost(log: ForceLog, on: NDArray[np.bool_], others: OtherFiles = ALL_HERE) -> list[Finding]:
-    """What is said of samples off the path; on (M,): rows on it; others: what of the program stands in other files. Raises
-    CompstiffError: CS3005 nearly all are off, CS3007 a log by path length goes on behind a program that another file starts."""
+def said_of_lost(
+    log: ForceLog, on: NDArray[np.bool_], others: OtherFiles = ALL_HERE, taken: Callable[[], str] = str
+) -> list[Finding]:
+    """What is said of samples off the path; on (M,): rows on it; others: what of the program stands in other files; taken: as
+    what the log would lie on the path (misread_places.py). Raises CompstiffError: CS3005 nearly all are off, CS3007 a log by
+    path length goes on behind a program that another file starts."""
     number = int(log.weight.sum())
     lost = int(log.weight[~on].sum())
     if lost > MOST_LOST * number:
         few = "none" if not on.any() else f"only {number - lost}"
         raise error("CS3005", f"{few} of the {number} samples {'lies' if number - lost < 2 else 'lie'} on this path",
-                    file=log.source, hint=_called(others) or "is it the log of this program, with TCP positions in its work "
-                    "object?")
+                    file=log.source, hint=("" if log.sent else _called(others)) or taken() or "is it the log of this program, "
+                    "with TCP positions in its work object?")
     if not lost:
         return []
     beyond = _beyond(log, on, others)

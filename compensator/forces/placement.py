@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from statistics import NormalDist
 from typing import Any
 
@@ -12,12 +13,13 @@ from numpy.typing import NDArray
 
 from compensator.forces.cut_direction import said_of_direction, travel
 from compensator.forces.detection import SIGMAS, over_noise, over_scatter, without_gaps
-from compensator.forces.driven_feed import said_of_feed
+from compensator.forces.driven_feed import said_of_clock, said_of_feed
 from compensator.forces.driven_moves import AsDriven, as_driven
 from compensator.forces.edges import at_edges
 from compensator.forces.gaps import filled, short_gaps, without_sample_in_cut
 from compensator.forces.late_forces import said_of_delay
 from compensator.forces.log import ForceLog, read_force_log
+from compensator.forces.misread_places import misread
 from compensator.forces.one_pass import check_once, said_of_lost, targets_of
 from compensator.forces.program_time import moves_in_air
 from compensator.forces.ripple import said_of_teeth
@@ -96,11 +98,12 @@ def place_forces(
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, CS3119 it goes twice over it, and what
     `as_driven` and `zero_of` raise.
     """
-    driven = as_driven(log, path)
+    given, driven = log, as_driven(log, path)
     log, held = _without_held(driven.log, path)
     target = targets_of(log, path)
     on = target >= 0
-    findings = [*check_once(log, target, path.toolpath.driven), *said_of_lost(log, on, path.toolpath.others)]
+    findings = [*check_once(log, target, path.toolpath.driven),
+                *said_of_lost(log, on, path.toolpath.others, partial(misread, given, path))]
     behind = None if log.key == "target" else log.place[on] > path.length[target[on]]
     here = slice(None) if on.all() else on
     rows = TargetRows(len(path.toolpath), target[here], log.weight[here], behind)
@@ -134,17 +137,19 @@ def place_forces(
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces, between),
                  *_in_air(log, path, forces),
                  *_driven_in_air(log, path, forces),
-                 *(_said_of_time(driven, forced) if log.predicted is None else ()),
+                 *(_said_of_time(driven, forced, float(log.weight[on].sum())) if log.predicted is None else ()),
                  *(_direction(log, path, cell, forced, wrench, mean) if log.predicted is None else ())]
     held = held[forces.samples[held] == 0]
     return replace(forces, held=held, findings=(*log.findings, *findings, *_held(held, path)))
 
 
-def _said_of_time(driven: AsDriven, forced: NDArray[np.bool_]) -> list[Finding]:
-    """What the time in a log says, along the moves as they were driven; forced (N,): targets with force."""
+def _said_of_time(driven: AsDriven, forced: NDArray[np.bool_], samples: float) -> list[Finding]:
+    """What the time in a log says, along the moves as they were driven; forced (N,): targets with force; samples: so many are
+    on the path."""
     along = driven.along
     along = along if along.held is None else along.rows(~along.held)
-    return [*said_of_feed(along, driven.run, forced[driven.order]), *said_of_delay(along, driven.run)]
+    return [*said_of_feed(along, driven.run, forced[driven.order]), *said_of_clock(along, driven.run, samples),
+            *said_of_delay(along, driven.run)]
 
 
 def _without_held(log: ForceLog, path: RobotPath) -> tuple[ForceLog, Indices]:

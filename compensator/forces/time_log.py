@@ -8,6 +8,7 @@ import numpy as np
 
 from compensator.forces.alignment_regression import binned
 from compensator.forces.alignment_search import promise
+from compensator.forces.driven_feed import unit_of_time
 from compensator.forces.log import ForceLog
 from compensator.forces.program_time import HINT, ProgramTime, program_time
 from compensator.forces.time_alignment import MOST_ODD, TimeAlignment, align
@@ -71,10 +72,16 @@ def _not_believed(log: ForceLog, path: RobotPath, program: ProgramTime, alignmen
         ends = [np.searchsorted(program.time, stretch) for stretch in alignment.odd[:5]]
         targets = ", ".join(f"{low} to {high}" for low, high in ends)
         reasons[-1] += f" (targets {targets}{' ...' if len(alignment.odd) > 5 else ''})"
-    return Finding(
-        "CS3061", "error", f"the log cannot be placed by time alone: {'; '.join(reasons)}", file=log.source,
-        hint=f"is it the log of {path.toolpath.source}, from before its start to after its end? Passes that are alike cannot "
-        f"be told apart: {HINT}")
+    span, whole = float(log.place[-1] - log.place[0]), float(program.time[-1])
+    unit = unit_of_time(whole / span)
+    if unit:
+        reasons = [f"it goes over {span:.4g} s, the program takes {whole:.4g}"]
+        hint = f"is time_s in {unit}? It is in seconds"
+    else:
+        hint = (f"is it the log of {path.toolpath.source}, from before its start to after its end? Passes that are alike "
+                f"cannot be told apart: {HINT}")
+    return Finding("CS3061", "error", f"the log cannot be placed by time alone: {'; '.join(reasons)}", file=log.source,
+                   hint=hint)
 
 
 def _placed(log: ForceLog, alignment: TimeAlignment) -> Finding:

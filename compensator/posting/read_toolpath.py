@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.posting.beside import driving_beside
+from compensator.posting.beside import declared_beside, driving_beside
 from compensator.posting.post import post, read_cam_path
 from compensator.posting.settings import PostingSettings
 from compensator.posting.suffixes import APT_SUFFIXES, RAPID_SUFFIXES, TABLE_SUFFIXES, toolpath_suffix
@@ -66,7 +66,7 @@ def read_toolpath(file: str | Path, cell: Cell, settings: PostingSettings = AS_P
                     "write the toolpath as RAPID, as an APT cutter location file, or as a table")
     check_rapid(cell.robot, "this is a RAPID program", str(file))
     try:
-        text = read_rapid(file.read_bytes(), str(file), partial(driving_beside, file))
+        text = read_rapid(file.read_bytes(), str(file), partial(driving_beside, file), partial(declared_beside, file))
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(file)) from reason
     return PlannedProgram(text, np.zeros(len(text.toolpath), dtype=bool), file)

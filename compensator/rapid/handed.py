@@ -18,6 +18,7 @@ from compensator.rapid.scopes import Names, Scope
 from compensator.rapid.uses import Uses
 
 Beside = Callable[[Iterable[str]], Mapping[str, str]]
+Declares = Callable[[Iterable[str]], Mapping[str, frozenset[str]]]
 FRAMES = ("tooldata", "wobjdata")
 # Those of a robtarget: round all of it, its place, turn, configuration and external axes.
 TARGET_BRACKETS = 5

@@ -8,7 +8,7 @@ import numpy as np
 
 from compensator.rapid.blocks import end_routines
 from compensator.rapid.calls import runs_of
-from compensator.rapid.handed import Beside, Elsewhere, called_elsewhere
+from compensator.rapid.handed import Beside, Declares, Elsewhere, called_elsewhere
 from compensator.rapid.handed_targets import follow_calls
 from compensator.rapid.namesakes import tell_apart
 from compensator.rapid.program import RapidProgram
@@ -30,9 +30,12 @@ from identification.common.findings import counted
 _LARGEST_CONFDATA = 1e6         # anything beyond is no quadrant; it also keeps the conversion to integers defined
 
 
-def read_rapid(data: bytes, name: str = "program.mod", beside: Beside | None = None) -> RapidProgram:
+def read_rapid(
+    data: bytes, name: str = "program.mod", beside: Beside | None = None, declares: Declares | None = None
+) -> RapidProgram:
     """Reads a RAPID program; `name` stands in findings as the file. beside: of routines that it calls and does not hold those
-    in which a file beside it drives, and that file.
+    in which a file beside it drives, and that file. declares: of names of targets that it does not declare, which each of the
+    files beside it does.
 
     Targets count in the order of the text: one for MoveL, MoveJ, MoveAbsJ, two for MoveC (circle point, destination).
     Raises CompstiffError for text no controller would load (CS2001 ... CS2005). What the text does not settle is NaN
@@ -83,7 +86,9 @@ def read_rapid(data: bytes, name: str = "program.mod", beside: Beside | None = N
     offset = np.array([on for _, on in scanned.offsets])[_held(scanned.offsets, count)] & ~np.isnan(external).all(axis=1)
     together = np.array([tail.together for tail in scanned.tails] or [False])[tails.tail]
     places = Places(source, line, column)
-    block, findings = report(scanned, values, rows, tails, places, off, displaced, soft, offset, elsewhere)
+    undeclared = {problem.name.lower() for problem in rows.problems if problem.name}
+    held = {} if declares is None or not undeclared else declares(undeclared)
+    block, findings = report(scanned, values, rows, tails, places, off, displaced, soft, offset, elsewhere, held)
     block = held_once(block)
     toolpath = Toolpath(
         source=name, move=move, line=line, column=column, position=position, quaternion=quaternion,
@@ -92,7 +97,8 @@ def read_rapid(data: bytes, name: str = "program.mod", beside: Beside | None = N
         feed=tails.feed, zone=tails.zone, block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
         switched=tuple((first, unit, on) for first, unit, on, _ in scanned.units),
         together=together if together.any() else None, driven=runs.order,
-        ways=_ways(source, runs), uncounted=runs.uncounted, others=_others(scanned, elsewhere),
+        ways=_ways(source, runs), uncounted=runs.uncounted, others=_others(
+            scanned, elsewhere, tuple(held) if held and undeclared == frozenset().union(*held.values()) else ()),
         monitored=not scanned.unmonitored,
     )
     read_only(position, quaternion, toolpath.external, toolpath.joints, line, column, block, toolpath.confdata, has_confdata)
@@ -116,15 +122,15 @@ def _ways(source: Source, runs: Runs) -> tuple[Way, ...]:
             tuple(branch.turns for branch in way.taken)) for way in runs.ways)
 
 
-def _others(scanned: Scan, elsewhere: Mapping[int, Elsewhere]) -> OtherFiles:
-    """What of the program stands in other files, as far as this one shows it."""
+def _others(scanned: Scan, elsewhere: Mapping[int, Elsewhere], targets: tuple[str, ...]) -> OtherFiles:
+    """What of the program stands in other files, as far as this one shows it; targets: the files that declare its targets."""
     lines = locate(scanned.source, list(elsewhere))[0].tolist() if elsewhere else []
     known = dict[str, int]()
     for line, call in zip(lines, elsewhere.values(), strict=True):
         if not call.drives:
             known.setdefault(call.name, line)
     return OtherFiles(any(routine.name == "main" for routine in scanned.bodies) or not scanned.bodies,
-                      tuple(f"{name} (line {line})" for name, line in known.items()))
+                      tuple(f"{name} (line {line})" for name, line in known.items()), targets)
 
 
 def _taken(source: Source, branch: Taken) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from compensator.rapid.tails import Tails
 from compensator.rapid.text import Offsets, Source, locate
 from compensator.rapid.values import Values
 from compensator.toolpath import Array, Move, ToolFrame, WorkObject
-from identification.common.findings import Finding, Level, counted
+from identification.common.findings import Finding, Level, counted, verb
 
 Mask = NDArray[np.bool_]
 
@@ -49,13 +49,14 @@ class Places:
 
 def report(
     scan: Scan, values: Values, rows: Rows, tails: Tails, places: Places, off: Array, displaced: Mask, soft: Mask,
-    axes_offset: Mask, elsewhere: Mapping[int, Elsewhere]
+    axes_offset: Mask, elsewhere: Mapping[int, Elsewhere], held: Mapping[str, frozenset[str]]
 ) -> tuple[NDArray[np.object_], tuple[Finding, ...]]:
     """Reasons (N,) and findings. off (N,): how far the quaternion's sum of squares is off 1; displaced (N,): a program
     displacement is on; soft (N,): a soft servo is; axes_offset (N,): the target drives an external axis while an offset of
-    these is on; elsewhere: calls of routines that this file does not hold."""
+    these is on; elsewhere: calls of routines that this file does not hold; held: which names of targets (in lower case) that it
+    does not declare each file beside it does."""
     block = np.full(len(off), "", dtype=object)
-    findings = [*_unsettled(rows, places, block), *_looped(scan, rows, places, block), *_called(scan, places, block)]
+    findings = [*_unsettled(rows, places, block, held), *_looped(scan, rows, places, block), *_called(scan, places, block)]
     findings += _quaternions(tails, places, off, block)
     findings += _shifted(scan, tails, places, displaced, soft, axes_offset, block)
     findings += _frames(tails.tools, tails.tool, "tool", "CS2020", "CS2022", places)
@@ -67,23 +68,57 @@ def report(
     return block, tuple(findings)
 
 
-def _unsettled(rows: Rows, places: Places, block: NDArray[np.object_]) -> list[Finding]:
+def _unsettled(
+    rows: Rows, places: Places, block: NDArray[np.object_], held: Mapping[str, frozenset[str]]
+) -> list[Finding]:
     if not rows.problem.any():
         return []
     problem = rows.problem[rows.row]
-    findings = []
+    findings, undeclared = [], dict[str, Offsets]()
     for number, which in _places_of(problem).items():
         if not number:
             continue
         reason = rows.problems[number]
         block[which] = reason.why
+        if reason.code == "CS2011":
+            undeclared[reason.name] = which
+            continue
         hint = "write it as a robtarget with numbers, or declared with numbers in this file, if it is to be corrected"
         if reason.code == "CS2056":
             hint = ("write a move for each position, to a robtarget or to an element of the array (p{1}, p{2} ...), if it is "
                     "to be corrected")
         findings.append(places.targets(
             reason.code, "warning", f"the target is left as it is: {reason.why}", which, hint))
+    if undeclared:
+        findings.append(_undeclared(places, undeclared, held))
     return sorted(findings, key=lambda finding: finding.target or 0)
+
+
+def _undeclared(places: Places, names: Mapping[str, Offsets], held: Mapping[str, frozenset[str]]) -> Finding:
+    """One finding for all names that this file does not declare; names: the targets of each; held: as of `report`."""
+    which = np.sort(np.concatenate(list(names.values())))
+    first = next(name for name, targets in names.items() if targets[0] == which[0])
+    wanted = {name.lower() for name in names}
+    named = first if len(wanted) == 1 else f"{first} and {counted(len(wanted) - 1, 'more name')}"
+    whole = [file for file, found in held.items() if found == wanted]
+    files = whole or list(held)
+    own = re.split(r"[\\/]", places.source.name)[-1]
+    where, give = "", "declare them with numbers in this file, or give the module that does beside it: "
+    if files:
+        shown = ", ".join(files[:3]) + (f" and {len(files) - 3} more" if len(files) > 3 else "")
+        known = len(frozenset().union(*held.values()))
+        some = not whole and known < len(wanted)
+        where = (f"; {known} of them {verb(known, 'are')} in {shown} beside it" if some
+                 else f", but in {'each of ' if len(whole) > 1 else ''}{shown} beside it")
+        give = "give it with the one that belongs to it: " if len(whole) > 1 else "give both: " if len(files) == 1 else \
+            "give all of them: "
+    others = " ".join(files[:1] if whole else files[:3]) if files and len(whole) < 2 else "OTHER.mod"
+    finding = places.targets(
+        "CS2011", "warning", f"{named} {verb(len(wanted), 'are')} not declared in this file{where}: "
+        f"{counted(len(which), 'target', 'are')} not known and {'stays as it is' if len(which) == 1 else 'stay as they are'}",
+        which.tolist(), f"{give}compstiff correct CELL {own} {others} --forces LOG -o FOLDER/ takes them as one job; for a "
+        "folder of programs, or watch, compstiff post joins them as one file")
+    return replace(finding, count=1)
 
 
 def _looped(scan: Scan, rows: Rows, places: Places, block: NDArray[np.object_]) -> list[Finding]:

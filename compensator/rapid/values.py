@@ -19,10 +19,11 @@ UNUSED = 8.9e9          # an external axis at 9E9 is not used
 
 @dataclass(frozen=True, slots=True)
 class Unsettled:
-    """Why a value is not known from the text. code: the finding it leads to when it is a target's."""
+    """Why a value is not known from the text. code: the finding it leads to when it is a target's; name: not declared."""
 
     code: str
     why: str
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +69,7 @@ class Values:
         name = self.source.text(expr.start, expr.start + len(expr.name.encode(self.source.encoding)))
         number = self.names.find(expr.name, scope)
         if number < 0:
-            return Unsettled("CS2011", f"{name} is not declared in this file")
+            return Unsettled("CS2011", f"{name} is not declared in this file", name)
         declaration = self.names.declarations[number]
         if declaration.storage == "parameter":
             if "robtarget" in types:

@@ -18,9 +18,11 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
 
     path: deviation.csv or offsets.csv. within [m]: how far the nearest target may be from a reading that is placed by x_mm y_mm
     z_mm. in_object: the readings are in the cell's work object, else in the base frame. Raises CompstiffError: CS0201 to
-    CS0203, CS6028 the readings cannot be joined with targets, CS4513 the work object may turn against the base.
+    CS0203, CS6028 the readings cannot be joined with targets, CS4513 the work object may turn against the base. A target
+    without a place (a joint move has none) is near no reading.
     """
-    table = read_table(file, required=("target", *DEVIATION), optional=POSITION, may_be_empty=DEVIATION, together=(POSITION,))
+    table = read_table(file, required=("target", *DEVIATION), optional=POSITION, may_be_empty=(*DEVIATION, *POSITION),
+                       together=(POSITION,))
     if readings.key == "path_mm":
         raise error("CS6028", f"is placed by path_mm, {file} by targets and their places", file=readings.source,
                     hint="measure at targets (column target), or give x_mm y_mm z_mm")
@@ -30,9 +32,13 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
         # Several readings may lie about one target, so the nearest is taken one way only.
         from scipy.spatial import cKDTree
 
-        distance, closest = map(np.asarray, cKDTree(1e-3 * table.stack(*POSITION)).query(readings.place))
+        place = 1e-3 * table.stack(*POSITION)
+        placed = np.flatnonzero(~np.isnan(place).any(axis=1))
+        if not len(placed):
+            raise error("CS6028", f"has no place in any row, and {readings.source} is placed by them", file=str(file))
+        distance, closest = map(np.asarray, cKDTree(place[placed]).query(readings.place))
         mine = np.flatnonzero(distance <= within)
-        rows = closest[mine]
+        rows = placed[closest[mine]]
     else:
         raise error("CS6028", f"has no x_mm y_mm z_mm, and {readings.source} is placed by them", file=str(file))
     predicted = np.full((len(readings), 3), np.nan)
@@ -43,7 +49,9 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
     findings = []
     if len(mine) < len(readings):
         findings.append(Finding("CS6022", "warning", f"{counted(len(readings) - len(mine), 'reading')} of {len(readings)} "
-                                f"without a target in {file}; left out of the scale", file=readings.source))
+                                f"without a target in {file}; left out of the scale", file=readings.source,
+                                hint="" if readings.key == "target" else f"the nearest may be {1e3 * within:g} mm away: "
+                                "--within-mm sets it"))
     if readings.deviation.shape[1] == 3:
         return predicted, findings
     if readings.normal is None:

@@ -96,7 +96,7 @@ def read_readings(file: Path, cell: Cell) -> Readings:
     what `predict` or `correct` wrote."""
     table = read_table(file, required=(), optional=("target", "path_mm", *POSITION, *DEVIATION, *SIGMA, "dn_um", "sn_um",
                                                     *NORMAL, "std_um"),
-                       may_be_empty=(*DEVIATION, "dn_um"), together=(POSITION, SIGMA, NORMAL))
+                       may_be_empty=(*DEVIATION, "dn_um", *POSITION), together=(POSITION, SIGMA, NORMAL))
     check_measured(table, "it goes to --predicted")
     key, place = _placed(table)
     along_normal = "dn_um" in table.numbers
@@ -106,6 +106,10 @@ def read_readings(file: Path, cell: Cell) -> Readings:
                     "along the normal")
     names, sigmas = (("dn_um",), ("sn_um",)) if along_normal else (DEVIATION, SIGMA)
     deviation, findings = _columns(table, names), list(table.findings)
+    nowhere = np.flatnonzero(np.isnan(place).any(axis=1) & ~np.isnan(deviation).all(axis=1))
+    if len(nowhere):
+        raise error("CS0203", "a measured deviation without its x_mm y_mm z_mm", file=table.source,
+                    line=int(table.line[nowhere[0]]), hint="give the planned place, or delete the row")
     if sigmas[0] in table.numbers:
         sigma = _columns(table, sigmas)
     elif "std_um" in table.numbers:         # of each number, as `learn` has it

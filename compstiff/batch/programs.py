@@ -91,7 +91,7 @@ class ProgramResult:
             stop = next((finding for finding in self.findings if finding.level == "error"), None)
             return [f"{program}: {self.status} (exit {self.code})" + (f", {stop.code}" if stop else "")]
         figures = self.document["result"]
-        added = f" ({figures['added_targets']} added)" if figures["added_targets"] else ""
+        added = f" ({figures['corrected_added']} of them added)" if figures["corrected_added"] else ""
         left = figures["expected_left_um"]
         unstated = ("; most of that is the force that follows the cut, which nobody stated (cutting in cell.yaml, "
                     "--depth-of-cut)"

@@ -110,7 +110,7 @@ def diagnose(
     if report:
         from compstiff.writing import report as page_of
 
-        files[report] = page_of(diagnosis).encode()
+        files[report] = page_of(diagnosis, extended=extended if extended in files else None).encode()
     write_whole(files, overwrite=session.overwrite, read=session.read)
     following = _next_after(diagnosis.verdict, cell_file, measurements_file, output, diagnosis.measurements.weights)
     if diagnosis.verdict == "named" and diagnosis.judgement.unsettled:
@@ -176,7 +176,8 @@ def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: 
     """What a user would do after this verdict; weights: options of `design` that plan for the weights that were measured
     with."""
     if verdict == "named":
-        return call("diagnose", cell_file, measurements_file, "-o", output, "--extended", "stiffness.json", "--force")
+        return call("diagnose", cell_file, measurements_file, "-o", output, "--extended", "stiffness_extended.json",
+                    "--force")
     if verdict == "mistake":
         mended = call("diagnose", cell_file, measurements_file, "-o", output, "--mend", "MENDED", "--force")
         return f"do the checks above; {mended} writes the file without the mistake, to be diagnosed again"

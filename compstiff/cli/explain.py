@@ -16,11 +16,12 @@ from compstiff.outcome import Outcome, Session
 def explain(session: Session, words: tuple[str, ...]) -> Outcome:
     """Explain a finding or a cause: what is behind it, what to do; without CODE, list both.
 
-    CODE is that of a message (CS1002), or a cause that diagnose names (backlash, base rocking).
+    CODE is that of a message (CS1002), or a cause that diagnose names (backlash, base rocking). Of a command: compstiff
+    COMMAND -h.
     """
     from compstiff import explain_code
     from identification.common.catalogue import catalogue
-    from identification.common.findings import error
+    from identification.common.findings import CompstiffError, error
     from identification.common.quantities import parameter_words, quantity
     from identification.model.effects import effects
 
@@ -36,7 +37,18 @@ def explain(session: Session, words: tuple[str, ...]) -> Outcome:
         near = get_close_matches(code.lower().replace(" ", "_"), effects(), n=3)
         if near:
             raise error("CS0009", f"there is no cause '{code}'", hint=f"near it: {', '.join(near)}")
-        page = explain_code(code)
+        root = click.get_current_context().find_root()
+        if isinstance(root.command, click.Group) and code.lower() in root.command.list_commands(root):
+            raise error("CS0009", f"'{code}' is a command, no finding or cause",
+                        hint=f"compstiff {code.lower()} -h explains it")
+        try:
+            page = explain_code(code)
+        except CompstiffError as unknown:
+            if re.fullmatch(r"(?i)cs\d*", code):
+                raise
+            raise error("CS0009", f"there is no code or cause '{code}'", hint="a code is that of a message, such as CS1002, a "
+                        "cause that diagnose names, such as backlash; compstiff explain lists both, compstiff COMMAND -h "
+                        "explains a command") from unknown
         return Outcome(dict(page), lines=[f"{page['code']}: {page['title']}", "", f"cause: {page['cause']}",
                                           f"effect: {page['effect']}", f"remedy: {page['remedy']}"])
     done = "the robot does it: correct takes it into account" if effect.of_robot else (

@@ -133,7 +133,8 @@ _output = functools.partial(option, "Output")
 # How the force log is read and placed: `predict` and `correct`.
 READING_OPTIONS: tuple[Decorator, ...] = (
     click.option("--tare", type=TargetRange(), multiple=True,
-                 help="Targets of an air move: their mean force is the sensor's bias. May be given several times."),
+                 help="Targets of an air move, counted from 0 in the order of the text, not as driven: their mean force is the "
+                 "sensor's bias. May be given several times."),
     _log("--trust-tare", is_flag=True, help="Use a tare that the log speaks against, or not for; else it is refused."),
     _log("--log-format", type=click.Choice(("metallicadour", "lvm", "net-ft")),
          help="A public form of the force log, as `convert` reads it; CSV and Parquet need none."),

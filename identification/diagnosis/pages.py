@@ -31,7 +31,7 @@ MOST_POINTS = 3000
 MOST_POSES, MOST_MARKED = 40, 4
 
 
-def diagnosis_report(diagnosis: Diagnosis) -> str:
+def diagnosis_report(diagnosis: Diagnosis, extended: Path | None = None) -> str:
     """The report of `diagnose`."""
     content, judgement = diagnosis.as_dict(), diagnosis.judgement
     named = bool(judgement.causes)
@@ -53,7 +53,7 @@ def diagnosis_report(diagnosis: Diagnosis) -> str:
     else:
         first.append(in_order)
     return render(Page(f"Diagnosis: {Path(diagnosis.measurements.source).name}", _verdict(diagnosis), _keys(judgement, content),
-                       steps_of(diagnosis), _words(diagnosis), tables, first, others, diagnosis.findings, content))
+                       steps_of(diagnosis, extended), _words(diagnosis), tables, first, others, diagnosis.findings, content))
 
 
 def _words(diagnosis: Diagnosis) -> list[str]:

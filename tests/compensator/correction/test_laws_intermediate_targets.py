@@ -148,6 +148,33 @@ def test_between_long_targets_the_tool_stays_on_the_plan(tmp_path: Path) -> None
     assert worst_off_the_line(job, path) > 60e-6
 
 
+def test_the_numbers_of_terminal_report_and_json_are_the_same(tmp_path: Path) -> None:
+    """Those of the prediction are of the program as given, as offsets.csv has it, whatever was added; of what was corrected it
+    is told how much was added, and all of that is in the written program."""
+    path = Path3(LINES)
+    job = Job(tmp_path, program=path.program(), forces=log(160))
+    result = job.correct("--json").json["result"]
+    rows = job.offsets()
+    size = np.linalg.norm(kit.column(rows, "dx_um", "dy_um", "dz_um"), axis=1)
+    assert result["targets"] == len(rows) == 4
+    assert result["with_force"] == (size > 0).sum() <= 4
+    assert result["deviation_um"]["largest"] == pytest.approx(np.nanmax(size), abs=1e-3)
+    moved = (np.abs(kit.column(rows, "ox_mm", "oy_mm", "oz_mm")) > 0).any(axis=1)
+    assert result["corrected"] - result["corrected_added"] == moved.sum()
+    assert result["added_targets"] == len(kit.targets_of(job.out.read_text())) - 4 >= result["corrected_added"] > 5
+    told = job.correct("--force", "--report", tmp_path / "r.html")
+    page = re.sub(r"<[^>]+>", "", (tmp_path / "r.html").read_text()).replace("\xa0", " ")
+    words = (f"orrected: {result['corrected']} targets, {result['corrected_added']} of the {result['added_targets']} added "
+             "among them")
+    assert f"targets: 4, {result['with_force']} with force" in told.out
+    assert f"{result['with_force']} of 4 targets of part.mod carry force" in page
+    assert words in told.out
+    assert words in page
+    worse = f"{result['expected_worse']:.1f}"
+    assert f"expected to end up farther off than uncorrected: {worse} of {result['corrected']} targets" in told.out
+    assert f"Of {result['corrected']} targets {worse} are expected to end up farther off" in page
+
+
 def test_a_target_between_two_samples_of_a_slow_log_is_corrected_with_its_neighbours(tmp_path: Path) -> None:
     """Samples 0.3 mm before and behind each target, so that none lies on the target's own short piece, and a force that
     asks for targets between them: the tool is on the plan at the program's own targets, too. (They had stayed as planned,

@@ -10,6 +10,7 @@ import pytest
 from compensator.forces.placement import place_forces, read_force_log
 from compensator.path.robot_path import robot_path
 from compensator.rapid import read_rapid
+from identification.common.findings import Refused
 from identification.model.cell import read_cell
 from tests.compensator.forces.test_contract_placement import CELL, place, plan
 
@@ -96,3 +97,44 @@ def test_a_log_without_time_says_nothing(tmp_path: Path) -> None:
     rows = "\n".join(f"{k},{-40 + k % 3},90,60" for k in range(10 * (COUNT - 1)))
     forces = place(tmp_path, f"path_mm,fx_n,fy_n,fz_n\n{rows}\n")
     assert "CS3072" not in {finding.code for finding in forces.findings}
+
+
+@pytest.mark.parametrize(("share", "unit", "named"), [
+    (1.0, 1.0, ""), (0.2, 1.0, ""), (1.0, 1e3, "milliseconds"), (0.6, 1e3, "milliseconds"), (1.0, 1e6, "microseconds")])
+@pytest.mark.parametrize("key", ["x_mm,y_mm,z_mm", "path_mm", "target"])
+def test_the_unit_is_told_where_calls_drive_in_another_order(
+    tmp_path: Path, key: str, share: float, unit: float, named: str
+) -> None:
+    """The retreat stands first in the text and is driven last, so that rows in the order of the path are in none of time."""
+    x = 1000 + 10.0 * np.arange(COUNT)
+    moves = [f"MoveL [[{place:g},{y},700],[1,0,0,0],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;"
+             for place, y in [(1000, 30), *((place, 0) for place in x)]]
+    (tmp_path / "cell.yaml").write_text(CELL)
+    cell = read_cell(tmp_path / "cell.yaml")
+    text = (f"MODULE M\nPROC main()\nrCut;\nrHome;\nENDPROC\nPROC rHome()\n{moves[0]}\nENDPROC\nPROC rCut()\n"
+            + "\n".join(moves[1:]) + "\nENDPROC\nENDMODULE\n")
+    path = robot_path(read_rapid(text.encode(), "m.mod").toolpath, cell)
+    way = np.arange(0, 10.0 * (COUNT - 1), share * FEED / RATE)
+    where = {"x_mm,y_mm,z_mm": [f"{1000 + s:.4f},0,700" for s in way], "path_mm": [f"{s:.4f}" for s in way],
+             "target": [f"{1 + round(s / 10)}" for s in way]}
+    rows = [f"{unit * k / RATE:.4f},{place},-40,90,60" for k, place in enumerate(where[key])]
+    (tmp_path / "forces.csv").write_text(f"time_s,{key},fx_n,fy_n,fz_n\n" + "\n".join(rows) + "\n")
+    found = place_forces(read_force_log(tmp_path / "forces.csv"), path, cell).findings
+    messages = [finding.message for finding in found if finding.code == "CS3072" and "seems to be in" in finding.message]
+    assert len(messages) == bool(named)
+    assert all(f"it seems to be in {named}" in message for message in messages)
+
+
+@pytest.mark.parametrize(("unit", "named"), [(1.0, ""), (1e3, "milliseconds"), (1e6, "microseconds")])
+def test_the_unit_of_a_log_with_time_alone_is_asked_about(tmp_path: Path, unit: float, named: str) -> None:
+    """Noise over as long as the program takes is not placed; by its unit it is told only where that is another."""
+    path = plan(tmp_path, count=COUNT)
+    seconds = path.length[-1] / (1e-3 * FEED)
+    noise = np.random.default_rng(3).normal(0, 50, (400, 3))
+    rows = "\n".join(f"{unit * seconds * k / 400:.6f},{x:.3f},{y:.3f},{z:.3f}" for k, (x, y, z) in enumerate(noise))
+    (tmp_path / "forces.csv").write_text(f"time_s,fx_n,fy_n,fz_n\n{rows}\n")
+    with pytest.raises(Refused) as refused:
+        place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell)
+    (finding,) = refused.value.findings
+    assert finding.code == "CS3061"
+    assert (f"is time_s in {named}?" in finding.hint) if named else ("time_s" not in finding.hint)

@@ -360,6 +360,40 @@ def test_a_prediction_that_cannot_be_joined(passes: dict[str, Path], tmp_path: P
     assert "predicts no deviation" in result.stderr
 
 
+@pytest.mark.parametrize(("name", "options"), [("before", ()), ("places", ("--frame", "workobject"))])
+def test_a_target_without_a_place_is_no_obstacle(
+    passes: dict[str, Path], tmp_path: Path, name: str, options: tuple[str, ...],
+) -> None:
+    """A MoveAbsJ has a row in offsets.csv and no place: every number is as if the row were not there."""
+    header, *rows = passes["predicted"].read_text().splitlines()
+    joint = tmp_path / "joint.csv"
+    joint.write_text("\n".join([header, "600,,,,0,0,0", *rows, "601,,,,0,0,0"]) + "\n")
+    given = (passes["cell"], passes[name], passes[name], *options, "--json", "--predicted")
+    without, held = (verify(*given, file) for file in (passes["predicted"], joint))
+    assert held.exit_code == 0, held.output
+    assert json.loads(held.stdout)["result"] == json.loads(without.stdout)["result"]
+    assert json.loads(held.stdout)["findings"] == json.loads(without.stdout)["findings"]
+    nowhere = tmp_path / "nowhere.csv"
+    nowhere.write_text(f"{header}\n600,,,,0,0,0\n")
+    assert verify(*given, nowhere).exit_code == 1
+
+
+def test_a_measured_table_may_have_rows_without_a_place(passes: dict[str, Path], tmp_path: Path) -> None:
+    """As they stand where a sheet was made from offsets.csv; not where something was measured there, and by its place."""
+    cell = read_cell(passes["cell"])
+    (tmp_path / "m.csv").write_text("x_mm,y_mm,z_mm,dx_um\n,,,\n1,2,3,40\n")
+    assert read_readings(tmp_path / "m.csv", cell).place.tolist() == [[pytest.approx(x) for x in (0.001, 0.002, 0.003)]]
+    (tmp_path / "m.csv").write_text("x_mm,y_mm,z_mm,dx_um\n,,,7\n1,2,3,40\n")
+    with pytest.raises(CompstiffError) as stopped:
+        read_readings(tmp_path / "m.csv", cell)
+    assert (stopped.value.findings[0].code, stopped.value.findings[0].line) == ("CS0203", 2)
+    (tmp_path / "m.csv").write_text("target,x_mm,y_mm,z_mm,dx_um\n0,,,,7\n1,1,2,3,40\n")
+    assert read_readings(tmp_path / "m.csv", cell).place.tolist() == [[0.0], [1.0]]
+    (tmp_path / "m.csv").write_text("target,x_mm,y_mm,z_mm,dx_um,time_s,samples,note\n0,,,,7,0,0,\n1,1,2,3,40,1,5,\n")
+    with pytest.raises(CompstiffError, match="CS6039"):
+        read_readings(tmp_path / "m.csv", cell)
+
+
 @pytest.mark.parametrize(("header", "value", "place"), [
     ("path_mm", "12.5", [0.0125]), ("x_mm,y_mm,z_mm", "12.5,-40,3", [0.0125, -0.04, 0.003]), ("target", "7", [7.0])])
 def test_places_are_read_in_metres(tmp_path: Path, header: str, value: str, place: list[float]) -> None:

@@ -175,8 +175,8 @@ def test_a_single_program_is_as_ever(place: Shop) -> None:
 @pytest.mark.parametrize(("cut", "stated", "said"), [(90.0, False, True), (40.0, False, False), (90.0, True, False)])
 def test_a_program_of_many_says_what_nobody_stated(tmp_path: Path, cut: float, stated: bool, said: bool) -> None:
     """Its one line had only the size of what is left, a newcomer's largest riddle."""
-    result = {"corrected": 5, "added_targets": 0, "offset_mm": {"largest": 0.4}, "expected_left_um": {"rms": 100.0, "cut": cut},
-              "cutting_stiffness": {"n_per_mm": 9.0} if stated else None}
+    result = {"corrected": 5, "corrected_added": 0, "offset_mm": {"largest": 0.4},
+              "expected_left_um": {"rms": 100.0, "cut": cut}, "cutting_stiffness": {"n_per_mm": 9.0} if stated else None}
     files = ProgramFiles(tmp_path / "part.mod", (), Outputs(tmp_path / "out" / "part.mod"))
     (line,) = ProgramResult(files, 0, "ok", (), {"result": result}).lines()
     assert "2 sigma: 200.0 um RMS" in line

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import re
 from dataclasses import replace
@@ -25,6 +26,7 @@ from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
 from identification.model.law_of import LawOf, uncertain
 from identification.model.stiffness_file import read_stiffness
+from tests.runs.command_line import user_files as kit
 from tests.runs.hidden_effects.cases import hidden_in
 from tests.runs.hidden_effects.hide_and_diagnose import check_answer
 from tests.virtual_cell.cell import Case, Hidden, simulate
@@ -48,6 +50,34 @@ def diagnosed(case: Case, folder: Path, replicates: int = 39) -> Diagnosis:
 def rocking(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     """A base that rocks, named."""
     return diagnosed(simulate(41, "poses20", [Hidden("base_rocking", None, 2.0)]), tmp_path_factory.mktemp("rocking"))
+
+
+def steps_in(page: str) -> tuple[str, list[str]]:
+    """The text of a report, and the commands that it says, in turn."""
+    text = html.unescape(re.sub(r"<[^>]+>", "", page)).replace("\xa0", " ")
+    return text, re.findall(r"compstiff ([a-z]+) \S*cell.yaml", text)
+
+
+@pytest.mark.parametrize("written", [False, True])
+def test_the_report_says_what_the_terminal_says_next(tmp_path: Path, written: bool) -> None:
+    """Of springs that explain all: with their file written that is its use, and without one the call that writes it."""
+    simulate(41, "poses20", []).write(tmp_path)
+    run = kit.run("diagnose", tmp_path / "cell.yaml", tmp_path / "measurements.csv", "-o", tmp_path / "diagnosis.json",
+                  "--report", tmp_path / "r.html", "--replicates", "39", *(("--extended", tmp_path / "mine.json") * written))
+    assert run.out.startswith("adequate"), run
+    text, steps = steps_in((tmp_path / "r.html").read_text())
+    assert steps[0] == run.err.split("next: compstiff ")[-1].split()[0] == ("correct" if written else "identify")
+    assert ("mine.json" in text) == written
+
+
+def test_the_report_of_a_cause_uses_the_file_that_was_written(rocking: Diagnosis, tmp_path: Path) -> None:
+    text, steps = steps_in(diagnosis_report(rocking))
+    assert steps[:2] == ["diagnose", "correct"]
+    assert "--extended stiffness_extended.json" in text
+    text, steps = steps_in(diagnosis_report(rocking, tmp_path / "mine.json"))
+    assert steps[0] == "correct"
+    assert "Correct a program with mine.json: it carries what the robot does." in text
+    assert "stiffness_extended.json" not in text
 
 
 @pytest.mark.parametrize(("design", "seed", "kind"), [

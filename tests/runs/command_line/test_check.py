@@ -296,6 +296,47 @@ def test_an_empty_sheet_still_needs_its_columns(folder: Path) -> None:
     assert "CS0202" in kit.codes(run)
 
 
+def elsewhere(place: str) -> kit_mistakes.Change:
+    """The work object at another place [mm]."""
+    return kit_mistakes.swap("[900.0000000000,50.0000000000,400.0000000000]", f"[{place}]")
+
+
+@pytest.mark.parametrize(("change", "code"), [
+    (kit_mistakes.swap("\\WObj:=wPart", "\\WObj:=wOther"), "CS4104"),
+    (kit_mistakes.swap("tMill:=[TRUE", "tMill:=[FALSE"), "CS4104"),
+    (kit_mistakes.swap("[9E9,9E9,", "[100,9E9,"), "CS4104"), (elsewhere("9000,50,400"), "CS4105"),
+    (elsewhere("-150,-50,400"), "CS4105")])
+def test_what_correct_refuses_check_refuses(folder: Path, change: kit_mistakes.Change, code: str) -> None:
+    """Each finding of it, word for word."""
+    program = folder / "part.mod"
+    program.write_text(str(change(program.read_text())))
+    refused = kit.run("correct", folder / "cell.yaml", program, "--stiffness", folder / "stiffness.json", "--tare", "0:1", "-o",
+                      folder / "out.mod", "--json")
+    run = check(folder, program, folder / "part.forces.csv", "--tare", "0:1")
+    assert (refused.code, run.code) == (3, 3), run
+    wrong, found = ([finding for finding in said.json["findings"] if finding["level"] == "error"] for said in (refused, run))
+    assert {finding["code"] for finding in wrong} == {code}
+    assert found == wrong
+    assert verdicts(run)["part.mod"] == ("toolpath", "error")
+    alone = check(folder, program)
+    assert alone.code == 0
+
+
+@pytest.mark.parametrize(("change", "code", "words"), [
+    (kit_mistakes.swap("\\WObj:=wPart", "\\WObj:=wOther"), "CS4104", "a move is in work object wOther"),
+    (elsewhere("-150,-50,400"), "CS4105", "as planned: joint ")])
+def test_places_that_do_not_serve_are_told_before_there_is_a_log(
+    folder: Path, change: kit_mistakes.Change, code: str, words: str
+) -> None:
+    """Whether the moves cut is not known yet: a warning."""
+    program = folder / "part.mod"
+    program.write_text(str(change(program.read_text())))
+    run = check(folder, program)
+    found = next(finding for finding in run.json["findings"] if finding["code"] == code)
+    assert (run.code, found["level"]) == (0, "warning")
+    assert words in found["message"]
+
+
 @pytest.mark.parametrize("text", ["", "MODULE A\nENDMODULE\n"])
 def test_a_program_without_a_move_is_none(folder: Path, text: str) -> None:
     """As correct says it."""

@@ -133,6 +133,11 @@ def test_explain() -> None:
     assert "taken out of the data" in kit.run("explain", "stand_compliance").out
     assert {"CS4107", "backlash"} <= {line.split()[0] for line in kit.run("explain").out.splitlines() if line}
     assert "near it: hysteresis" in kit.run("explain", "hysterisis").err
+    for command in ("verify", "Correct"):
+        assert f"compstiff {command.lower()} -h" in kit.run("explain", command).err
+    neither = kit.run("explain", "wobble", "board").err
+    for example in ("CS1002", "backlash", "compstiff explain", "COMMAND -h"):
+        assert example in neither
     unknown = kit.run("explain", "CS9999", "--json")
     assert unknown.code in (1, 2)
     assert unknown.json["findings"]

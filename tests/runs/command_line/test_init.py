@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.model.cell import read_cell
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.workshop import TOOL, USER, workshop
 from tests.virtual_cell.arm import ARMS
@@ -266,3 +267,16 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
                  "position_mm: [120, 0, 250]", "mass_kg: 80", "centre_of_mass_mm: [10, 0, 180]",
                  "frame: tool", "spindle_rpm: 9000", "material: aluminium", "  tool_diameter_mm: 16", "# contact_mm"):
         assert said in text
+
+
+def test_what_the_template_says_of_a_turned_sensor_is_read_so(cell: Path, tmp_path: Path) -> None:
+    """The commented lines, taken in: the sensor's x axis stands between the flange's x and y, as their words say."""
+    text = (cell / "cell.yaml").read_text()
+    text = text.replace("frame: base", "frame: sensor").replace("# sensor_position_mm:", "sensor_position_mm:")
+    assert "its x axis between the flange's x and y" in text
+    (tmp_path / "cell.yaml").write_text(text.replace("# sensor_quaternion:", "sensor_quaternion:"))
+    frame = read_cell(tmp_path / "cell.yaml").force_log.flange_from_sensor
+    assert frame is not None
+    np.testing.assert_allclose(frame.rotation @ [1, 0, 0], [np.sqrt(0.5), np.sqrt(0.5), 0], atol=1e-6)
+    np.testing.assert_allclose(frame.position, [0, 0, 0.06])
+    assert "force_log.sensor turned 45 deg about z" in kit.run("check", tmp_path / "cell.yaml").out

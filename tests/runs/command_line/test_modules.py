@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -177,3 +178,88 @@ def test_of_layers_a_log_of_positions_is_that_of_the_one_it_lies_on(tmp_path: Pa
     assert "3 times" in said["message"]
     force = kit.deviation(IRB6660, layers[1].q[5], TOOL.p, np.r_[2 * CUTS, 0, 0, 0], K) * 1e6
     np.testing.assert_allclose(deviations(tmp_path)[5], force, atol=0.5)
+
+
+def named(*modules: str) -> tuple[str, dict[str, str]]:
+    """The program with all of its targets by name, and the modules that declare them, in turn."""
+    names = [f"p{10 * (k + 1)}" for k in range(len(PATH.text))]
+    rows = [f"CONST robtarget {name}:={target};\n" for name, target in zip(names, PATH.text, strict=True)]
+    texts = {f"{module}.mod": f"MODULE {module}\n{''.join(rows[k::len(modules)])}ENDMODULE\n"
+             for k, module in enumerate(modules)}
+    return f"{HEAD}\nPROC main()\n{moves(names)}ENDPROC\nENDMODULE\n", texts
+
+
+@pytest.mark.parametrize("key", ["target", "position", "path"])
+def test_targets_that_another_module_declares_are_told_in_one_finding(tmp_path: Path, key: str) -> None:
+    """With the module, and the call that takes both; that call corrects the job."""
+    program, texts = named("Targets")
+    way = np.concatenate([np.linspace(*ends, 20) for ends in pairwise(PATH.at(POINTS))])
+    place = {"target": ("target", [[k] for k in range(30)]), "position": ("x_mm,y_mm,z_mm", way.tolist())}
+    header, rows = place.get(key, ("", []))
+    forces = log(PATH) if key == "path" else f"{header},fx_n,fy_n,fz_n\n" + "".join(
+        f"{','.join(map(str, row))},90,-50,160\n" for row in rows)
+    Job(tmp_path, program=program, forces=forces).write()
+    alone = corrected(tmp_path, "part.mod", "out.mod")
+    assert alone.code == 1, alone
+    (found,) = alone.json["findings"]
+    assert (found["code"], found["line"], found["target"]) == ("CS2011", program.split("p10,")[0].count("\n") + 1, 0)
+    assert found["message"].startswith("p10 and 29 more names are not declared in this file: 30 targets")
+    (tmp_path / "Targets.mod").write_text(texts["Targets.mod"])
+    (tmp_path / "other.mod").write_text("MODULE Other\nLOCAL CONST num p10:=1;\nPROC r()\n"
+                                        "VAR num p20:=1;\nENDPROC\nENDMODULE\n")
+    (found,) = corrected(tmp_path, "part.mod", "out.mod").json["findings"]
+    assert found["message"].startswith("p10 and 29 more names are not declared in this file, but in Targets.mod beside it: ")
+    assert "compstiff correct CELL part.mod Targets.mod --forces LOG -o FOLDER/" in found["hint"]
+    both = kit.run("correct", tmp_path / "cell.yaml", tmp_path / "part.mod", tmp_path / "Targets.mod", "--stiffness",
+                   tmp_path / "stiffness.json", "--forces", tmp_path / "forces.csv", "-o", tmp_path / "out/", "--json")
+    assert both.code == 0, both
+    assert (tmp_path / "out" / "Targets.mod").read_text() != texts["Targets.mod"]
+    # Beside what the job left, the same is said.
+    (found,) = corrected(tmp_path, "part.mod", "out.mod").json["findings"]
+    assert "but in Targets.mod beside it" in found["message"]
+
+
+def test_which_modules_declare_the_targets(tmp_path: Path) -> None:
+    """Some each, some nowhere, or each of two all of them."""
+    program, texts = named("One", "Two")
+    Job(tmp_path, program=program).write()
+
+    def said() -> dict[str, str]:
+        return next(finding for finding in corrected(tmp_path, "part.mod", "out.mod").json["findings"]
+                    if finding["code"] == "CS2011")
+
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    assert "p10 and 29 more names are not declared in this file, but in One.mod, Two.mod beside it" in said()["message"]
+    assert "correct CELL part.mod One.mod Two.mod --forces" in said()["hint"]
+    (tmp_path / "Two.mod").unlink()
+    assert "; 15 of them are in One.mod beside it" in said()["message"]
+    for name in ("One.mod", "Two.mod"):
+        (tmp_path / name).write_text(named("All")[1]["All.mod"])
+    assert "but in each of One.mod, Two.mod beside it" in said()["message"]
+
+
+def test_a_folder_with_a_job_in_several_modules_is_sound(tmp_path: Path) -> None:
+    """The module without a move is what the other names; the other is sound with it, and not without."""
+    program, texts = named("Targets")
+    Job(tmp_path, program=program).write()
+    (tmp_path / "forces.csv").unlink()
+    (tmp_path / "part.forces.csv").write_text("target,fx_n,fy_n,fz_n\n" + "".join(f"{k},90,-50,160\n" for k in range(30)))
+    (tmp_path / "Targets.mod").write_text(texts["Targets.mod"])
+
+    def check() -> tuple[int, dict[str, str], set[str]]:
+        run = kit.run("check", tmp_path / "cell.yaml", tmp_path, "--json")
+        return run.code, {Path(one["file"]).name: one["verdict"] for one in run.json["result"]["files"]}, kit.codes(run)
+
+    code, verdicts, codes = check()
+    assert (code, verdicts["Targets.mod"], verdicts["part.mod"]) == (0, "ok", "warning")
+    assert "CS2011" in codes
+    assert not {"CS4202", "CS3010", "CS3005"} & codes
+    (tmp_path / "part.mod").write_text(main())
+    (tmp_path / "part.forces.csv").unlink()
+    code, verdicts, codes = check()
+    assert (code, verdicts["Targets.mod"]) == (1, "error")          # nobody names what it declares
+    (tmp_path / "Targets.mod").unlink()
+    (tmp_path / "part.mod").write_text(program)
+    code, verdicts, codes = check()
+    assert (code, verdicts["part.mod"]) == (1, "error")
