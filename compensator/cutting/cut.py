@@ -36,6 +36,8 @@ DEEPER = 1e-6
 CHIPS, SPEEDS = (4e-4, 0.025), (0.05, 75.0)
 # A move that goes through the stock at so many times the feed of the others is no cut.
 FAST = 1.9
+# A tool is lifted where so much of its way is upwards.
+LIFTED = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,13 +183,16 @@ class Cut:
             "program, and its feeds mm/s?")]
 
     def _said_of_fast_moves(self) -> list[Finding]:
-        """A warning (CS4749) where moves go through the stock much faster than the program cuts."""
+        """A warning (CS4749) where moves go through the stock much faster than the program cuts; not of a tool that is lifted
+        out of it, which springs back meanwhile."""
         feed, cuts = self.path.toolpath.feed, self.cuts
         known = cuts & np.isfinite(feed)
         if not known.any():
             return []
         own = self.path.toolpath.feed[self.track.move]
-        fast = self.engagement.cuts & (own > FAST * float(np.median(feed[known])))
+        rise = np.einsum("ni,ni->n", self.path.steps, self.path.base_from_object.rotation[:, :, 2])
+        lifted = rise > LIFTED * np.linalg.norm(self.path.steps, axis=1)
+        fast = self.engagement.cuts & (own > FAST * float(np.median(feed[known]))) & ~lifted[self.track.move]
         moves = np.unique(self.track.move[fast])
         if not len(moves):
             return []

@@ -27,9 +27,9 @@ LEFT, RIGHT, DEEP, RATE = 985.0, 1135.0, 3.0, 200.0
 PASSES = {-70.0: 18.0, -35.0: 36.0, 0.0: 54.0, 35.0: 36.0, 70.0: 18.0}
 
 
-def job(folder: Path, by: str, seed: int = 3) -> tuple[Path, Path]:
+def job(folder: Path, by: str, passes: dict[float, float] | None = None, right: float = RIGHT) -> tuple[Path, Path]:
     """Slots to and fro by one MoveL each, and their log: the mean force of the end mill where its axis is over the block."""
-    rng, moves, rows = np.random.default_rng(seed), [], []
+    rng, moves, rows = np.random.default_rng(3), [], []
     place, count, time = np.array([LEFT, -70.0, 630.0]), 0, 0.0
 
     def go(x: float, y: float, z: float, feed: float, force: np.ndarray | None = None) -> None:
@@ -49,13 +49,13 @@ def job(folder: Path, by: str, seed: int = 3) -> tuple[Path, Path]:
 
     go(*place, 200.0)
     go(LEFT, -70.0, 625.0, 200.0)
-    for number, (y, feed) in enumerate(PASSES.items()):
+    for number, (y, feed) in enumerate((passes or PASSES).items()):
         mill = EndMill(runout_mm=(0.0, 0.0, 0.0), feed_mm_s=feed)
         along, left, up = mill.mean_force(mill.coverage(np.full(len(mill.rim_mm), 10.0)), DEEP)
         way = 1 if number % 2 == 0 else -1
         go(place[0], y, 620.0, 200.0)
         go(place[0], y, 600 - DEEP, 200.0)
-        go(RIGHT if way > 0 else LEFT, y, 600 - DEEP, feed, np.array([way * along, way * left, up]))
+        go(right if way > 0 else LEFT, y, 600 - DEEP, feed, np.array([way * along, way * left, up]))
         go(place[0], y, 620.0, 200.0)
     head = ('PERS tooldata tSpindle:=[TRUE,[[120,0,250],[1,0,0,0]],[80,[0,0,120],[1,0,0,0],0,0,0]];\nPROC main()\n')
     program, log = folder / "slots.mod", folder / "forces.csv"
@@ -64,16 +64,20 @@ def job(folder: Path, by: str, seed: int = 3) -> tuple[Path, Path]:
     return program, log
 
 
+def coefficients(folder: Path, program: Path, log: Path, stiffness: float) -> compstiff.FittedCoefficients:
+    """On an arm of these springs [N m/rad]."""
+    (folder / "cell.yaml").write_text(CELL)
+    (folder / "stock.yaml").write_text(STOCK)
+    cell = compstiff.read_cell(folder / "cell.yaml")
+    springs = IdentifiedModel(cell.robot, cell.flange_from_tcp, -np.log(np.full(6, stiffness)), np.eye(6) * 1e-4)
+    return compstiff.cutting_coefficients(cell, compstiff.read_toolpath(program, cell), folder / "stock.yaml", springs, log,
+                                          compstiff.Settings.of(tare=((0, 1),)))
+
+
 @pytest.mark.parametrize("by", ["position", "target"])
 def test_five_slots_by_ten_targets_tell_the_coefficients(tmp_path: Path, by: str) -> None:
     """At three feeds, on an arm that hardly yields: the force of a slot within 2 %, and what is said holds."""
-    program, log = job(tmp_path, by)
-    (tmp_path / "cell.yaml").write_text(CELL)
-    (tmp_path / "stock.yaml").write_text(STOCK)
-    cell = compstiff.read_cell(tmp_path / "cell.yaml")
-    stiff = IdentifiedModel(cell.robot, cell.flange_from_tcp, -np.log(np.full(6, 1e9)), np.eye(6) * 1e-4)
-    found = compstiff.cutting_coefficients(cell, compstiff.read_toolpath(program, cell), tmp_path / "stock.yaml", stiff, log,
-                                           compstiff.Settings.of(tare=((0, 1),)))
+    found = coefficients(tmp_path, *job(tmp_path, by), 1e9)
     assert found.posterior is not None
     assert len(found.posterior.residual) > 60
     mill = EndMill()
@@ -83,6 +87,12 @@ def test_five_slots_by_ten_targets_tell_the_coefficients(tmp_path: Path, by: str
         assert own[k] * chips + own[3 + k] == pytest.approx(truth[k] * chips + truth[3 + k], rel=0.02)
     off = own - truth
     assert np.all(np.abs(off) < 3 * found.coefficients.std)
+
+
+def test_a_tool_that_is_lifted_out_of_a_slot_is_no_fast_move(tmp_path: Path) -> None:
+    """It springs back by 0.1 mm while it is lifted, so that it scrapes along the wall."""
+    found = coefficients(tmp_path, *job(tmp_path, "position", passes={-70.0: 18.0}, right=1080.0), 2e6)
+    assert "CS4749" not in {finding.code for finding in found.findings}
 
 
 def over(level: float) -> np.ndarray:
