@@ -42,6 +42,8 @@ TABLE_MODEL_ERROR = 0.05
 MOST_BESIDE = 0.8
 # A fit leaves no more than this share of the force at the middling target (right ones leave up to 3 %).
 MOST_LEFT = 0.1
+# Chips of this share of the time say nothing of what a log tells.
+SELDOM = 0.005
 # No chip needs less or more than these shares of what the table has for its material, which is known to 40 %; one that does is
 # as another material's within the second pair (engineering judgement).
 OF_TABLE, AS_OF = (0.35, 2.5), (0.6, 1.6)
@@ -94,7 +96,7 @@ def cutting_coefficients(
         found.covariance + gain**2 * np.outer(found.mean, found.mean) + turned @ turned.T + np.outer(taken, taken),
         found.model_error, cut.cutter,
         material,
-        (float(chip.min()), float(chip.max())),
+        _chips(cut),
         {"from": "log", "spindle_rpm": 60 / cut.revolution, "made_from": _made_from(cell, program, blank.source, forces)})
     depth = float(np.median(cut.engagement.depth[cut.engagement.cuts]))
     noise = float(np.hypot(found.floor, 0.5))
@@ -114,6 +116,16 @@ def _held_against(predicted: Predicted, blank: Blank, rpm: float | None) -> tupl
     cut = cut_of(path, blank, rpm, aside, blank.position_std)
     check_in_the_stock(placed, cut.cuts | cut.unknown, blank.source)
     return cut, placed, *logged_rows(cut, placed)
+
+
+def _chips(cut: Cut) -> tuple[float, float]:
+    """The thinnest and the thickest chip of a log [m], but for what took SELDOM of the time: a tool that is lifted out of a
+    slot scrapes along its wall at the feed of the air."""
+    steps = cut.engagement.cuts & ~cut.engagement.unknown
+    order = np.argsort(cut.track.chip[steps])
+    chip, done = cut.track.chip[steps][order], np.cumsum(cut.time[steps][order])
+    low, high = np.searchsorted(done / done[-1], (SELDOM, 1 - SELDOM))
+    return float(chip[low]), float(chip[high])
 
 
 def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings = DEFAULTS) -> FittedCoefficients:
