@@ -38,7 +38,7 @@ def steps_of(diagnosis: Diagnosis, extended: Path | None = None) -> list[Step]:
     if verdict == "ambiguous":
         likeliest = "has the likeliest of them, and what the others would change in its sigmas"
         now = [] if diagnosis.judgement.carried is None or diagnosis.judgement.unsettled else [
-            Step(f"Or {use_it} now with {extended.name}, which {likeliest}:", corrected)] if extended else [
+            Step(f"Or {use_it.split()[0]} now with {extended.name}, which {likeliest}:", corrected)] if extended else [
             Step(f"Or {use_it.split()[0]} now: write the file that {likeliest}:", written),
             Step(f"Then {use_it} with it:", corrected)]
         # The loads are what the command plans.
