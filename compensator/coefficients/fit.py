@@ -40,8 +40,8 @@ ANY_MATERIAL, ANY_WIDTH = "steel", 2.0
 TABLE_MODEL_ERROR = 0.05
 # Of the targets with force at most such a share may lie beside the stock: roughing may have taken more than its file says.
 MOST_BESIDE = 0.8
-# A fit leaves no more than this share of the force at the middling target (right ones leave up to 3 %).
-MOST_LEFT = 0.1
+# A fit leaves no more than this share of the force in the middle of so many neighbours (right ones leave up to 3 %).
+MOST_LEFT, NEIGHBOURS = 0.1, 8
 # Chips of this share of the time say nothing of what a log tells.
 SELDOM = 0.005
 # No chip needs less or more than these shares of what the table has for its material, which is known to 40 %; one that does is
@@ -212,7 +212,10 @@ def said_of_the_fit(
 def said_of_the_forces(rows: ForceRows, found: ForcePosterior, source: str) -> list[Finding]:
     """Warnings: a fit that leaves too much of the force (CS4745), a chip that would pull (CS4746)."""
     findings = []
-    left, size = (float(np.median(np.linalg.norm(force, axis=1))) for force in (found.residual, rows.force))
+    # Of neighbours together: what a slow logger scatters goes, what another cut makes of a pass stays.
+    parts = np.array_split(found.residual, max(len(found.residual) // NEIGHBOURS, 1))
+    left = float(np.median([np.linalg.norm(part.mean(axis=0)) for part in parts]))
+    size = float(np.median(np.linalg.norm(rows.force, axis=1)))
     if left > MOST_LEFT * size:
         findings.append(Finding("CS4745", "warning", f"the fit leaves {left:.3g} N of the {size:.3g} N of a target, in the "
                                 "middle: these are not the forces of this cutter in this stock", file=source,

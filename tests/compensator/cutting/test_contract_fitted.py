@@ -85,10 +85,12 @@ def test_what_no_tool_and_no_stock_does_is_said(mean: tuple, aside: tuple, used:
     (0.09, 3.0, []), (0.11, 3.0, ["CS4745"]), (0.09, -1.9, []), (0.09, -2.1, ["CS4746"]), (0.11, -2.1, ["CS4745", "CS4746"])])
 def test_a_fit_that_leaves_much_or_pulls_is_warned_of(left: float, radial: float, codes: list[str]) -> None:
     """A tenth of the middling force, and two standard deviations of Krc itself, whatever goes with it; left: as a share of
-    500 N, in six of ten rows; radial: Krc in its standard deviations."""
-    force = np.zeros((10, 3))
+    500 N, in six of ten rows that follow each other, under a scatter that is larger and changes its sign with every row;
+    radial: Krc in its standard deviations."""
+    force = np.zeros((80, 3))
     force[:, 1] = 500.0
-    residual = np.where(np.arange(10)[:, None] < 6, left, 0.0) * force + np.where(np.arange(10)[:, None] < 6, 0.0, 1e-9)
+    residual = np.where(np.arange(80)[:, None] < 48, left, 0.0) * force
+    residual[:, 2] = 200.0 * (-1.0) ** np.arange(80)
     covariance = np.full((6, 6), 1e12)
     covariance[1, 1] = 1e14
     found: Any = SimpleNamespace(residual=residual, mean=np.array([8e8, 1e7 * radial, 1, 20, 10, 5]), covariance=covariance)
