@@ -190,8 +190,9 @@ class Cut:
         if not known.any():
             return []
         own = self.path.toolpath.feed[self.track.move]
-        rise = np.einsum("ni,ni->n", self.path.steps, self.path.base_from_object.rotation[:, :, 2])
-        lifted = rise > LIFTED * np.linalg.norm(self.path.steps, axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
+            rise = np.einsum("ni,ni->n", self.path.steps, self.path.base_from_object.rotation[:, :, 2])
+            lifted = rise > LIFTED * np.linalg.norm(self.path.steps, axis=1)
         fast = self.engagement.cuts & (own > FAST * float(np.median(feed[known]))) & ~lifted[self.track.move]
         moves = np.unique(self.track.move[fast])
         if not len(moves):

@@ -153,8 +153,9 @@ class Travel:
         return seen
 
 
-def travel(path: RobotPath, forced: NDArray[np.bool_]) -> Travel | None:
-    """The moves that cut among the targets that show a force, `forced` (N,); None where there are too few of them."""
+def travel(path: RobotPath, forced: NDArray[np.bool_], *, sides: bool = True) -> Travel | None:
+    """The moves that cut among the targets that show a force, `forced` (N,); None where there are too few of them. sides: on
+    which side the stock is takes a while."""
     step, axis = path.steps, path.base_from_tcp.rotation[:, :, 2]
     # Towards the spindle, whichever way the tool's z points.
     up = axis * np.where(np.einsum("ni,ni->n", axis, path.to_flange) < 0, -1.0, 1.0)[:, None]
@@ -167,14 +168,17 @@ def travel(path: RobotPath, forced: NDArray[np.bool_]) -> Travel | None:
         return None
     feed, up = across[which] / length[which, None], up[which]
     left = np.cross(up, feed)
-    side = stock_side(path.base_from_tcp.position[which], path.length[which], feed, left, up)
+    side = stock_side(path.base_from_tcp.position[which], path.length[which], feed, left, up) if sides else (
+        np.zeros(len(which), dtype=np.intp))
     return Travel(which, feed, left, up, length[which], side)
 
 
 def cut_direction(path: RobotPath, force: Array, forced: NDArray[np.bool_]) -> CutDirection | None:
     """The force (N, 3) [N] on the tool, base frame, against the travel; forced (N,): targets that show one. None where there
     are too few of them on moves that cut."""
-    cuts = travel(path, forced)
+    # Absurd numbers overflow in targets without force.
+    with np.errstate(over="ignore", invalid="ignore"):
+        cuts = travel(path, forced, sides=False)
     return None if cuts is None else cuts.against(force)
 
 
