@@ -90,11 +90,7 @@ def said_of_moments(
     reach = float(np.sqrt(np.mean(np.sum(arm**2, axis=1))))
     if reach < AWAY or np.sum(made**2) <= ACROSS**2 * reach**2 * np.sum(force**2) or not moment.any():
         return []
-    readings = {}
-    for signs in product((1.0, -1.0), repeat=3):
-        own = np.cross(arm, force * signs)
-        factor = float(np.sum(own * moment) / np.sum(own**2))
-        readings[signs] = (factor, float(np.sum((moment - factor * own) ** 2) / np.sum(moment**2)))
+    readings = {signs: _held_against(np.cross(arm, force * signs), moment) for signs in product((1.0, -1.0), repeat=3)}
     factor, left = readings[1.0, 1.0, 1.0]
     if FACTOR[0] < factor < FACTOR[1] and left <= FITS:
         return []
@@ -116,6 +112,13 @@ def said_of_moments(
         "tells")]
 
 
+def _held_against(own: Array, moment: Array) -> tuple[float, float]:
+    """How many times moments (k, 3) [N m] are those that forces make, `own` (k, 3), and the share of their energy that this
+    leaves."""
+    factor = float(np.sum(own * moment) / np.sum(own**2))
+    return factor, float(np.sum((moment - factor * own) ** 2) / np.sum(moment**2))
+
+
 def _fitting_turn(cell: Cell, arm: Array, force: Array, moment: Array, left: float) -> str:
     """Another turn of the sensor that would make the moments those of the forces, in words; "" for none. arm (k, 3) [m] to the
     tip, force and moment (k, 3) [N, N m], the sensor's axes as stated; left: what the stated turn leaves of the moments."""
@@ -126,10 +129,8 @@ def _fitting_turn(cell: Cell, arm: Array, force: Array, moment: Array, left: flo
              "force_log.sensor_quaternion read as x y z w": other_order(stated), "a sensor that is not turned": np.eye(3)}
     found = {}
     for words, turn in turns.items():
-        own = np.cross(arm @ (turn.T @ stated).T, force)
-        factor = float(np.sum(own * moment) / np.sum(own**2))
-        found[words] = float(np.sum((moment - factor * own) ** 2) / np.sum(moment**2)) if (
-            FACTOR[0] < factor < FACTOR[1]) else np.inf
+        factor, least = _held_against(np.cross(arm @ (turn.T @ stated).T, force), moment)
+        found[words] = least if FACTOR[0] < factor < FACTOR[1] else np.inf
     best = min(found, key=lambda words: found[words])
     return best if found[best] <= FITS and left > LESS * found[best] else ""
 
