@@ -175,10 +175,10 @@ def test_data_against_the_prior(tmp_path) -> None:
 
 
 def test_validation_rows_that_the_prior_tells_better_are_said(tmp_path) -> None:
-    """Fitted rows far too soft, validation rows as they are: the fit explains its own rows, and is rejected all the same."""
+    """Fitted rows twice too soft, validation rows as they are: the fit explains its own rows, and is rejected all the same."""
     cell, rows = simulate(tmp_path, np.random.default_rng(9))
     kept = rows.visit >= rows.visit.max() - 1
-    for times, said in ((60, {"CS1019", "CS1021"}), (1, set())):
+    for times, said in ((2, {"CS1019", "CS1021"}), (1, set())):
         deflection = np.where(kept[:, None], rows.deflection, times * rows.deflection)
         fit = fit_stiffness(cell, replace(rows, deflection=deflection, validate=kept))
         assert {finding.code for finding in fit.findings} & {"CS1019", "CS1021"} == said
