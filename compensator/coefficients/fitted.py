@@ -25,7 +25,8 @@ RELIABLE, WEAK, UNTOLD = 0.12, 0.3, 0.9
 class FittedCoefficients:
     """coefficients: for cutting.json; before: standard deviations (6,) of the prior; posterior and cut: None where they come
     from the table. further: the cut that would tell most. of_table: Ktc as a share of what the table has for the stated
-    material; None where no log tells it, or no material is stated."""
+    material; None where no log tells it, or no material is stated. higher: the share by which Ktc is too large were the top of
+    the stock 1 mm higher than in its file; None where no log was fitted, or the file says that it stands just there."""
 
     coefficients: Coefficients
     before: Array
@@ -34,6 +35,7 @@ class FittedCoefficients:
     further: TestCut | None
     findings: tuple[Finding, ...]
     of_table: float | None = None
+    higher: float | None = None
 
     @property
     def grades(self) -> list[str]:
@@ -53,7 +55,7 @@ class FittedCoefficients:
         told = None if self.posterior is None else {
             "rows": len(self.posterior.residual), "residual_n": rms(self.posterior.residual), "memory": self.posterior.memory,
             "zero_n": self.posterior.zero.tolist(), "stock_aside": self.posterior.aside.tolist(),
-            "chip_force_of_table": self.of_table}
+            "chip_force_of_table": self.of_table, "were_the_top_1_mm_higher": self.higher}
         further = None if self.further is None else {
             "width": self.further.width, "climb": self.further.climb, "feed_a_tooth_mm": 1e3 * self.further.chip,
             "force_std_before": self.further.before, "force_std_after": self.further.after}
@@ -71,6 +73,9 @@ class FittedCoefficients:
             lines.append(f"fit: {len(self.posterior.residual)} targets, residual {rms(self.posterior.residual):.2f} N RMS; "
                          f"what the model leaves at a place: {100 * self.coefficients.model_error:.1f} % of the force; "
                          f"neighbours remember each other over {self.posterior.memory:.0f} targets")
+        if self.higher is not None:
+            lines.append("were the top of the stock 1 mm higher than in its file, Ktc would be "
+                         f"{100 * abs(self.higher):.0f} % too {'large' if self.higher > 0 else 'small'}")
         if self.of_table is not None:
             lines.append(f"a chip needs {100 * self.of_table:.0f} % of the force that the table has for "
                          f"{str(self.coefficients.material).replace('_', ' ')}, which it knows to about 40 %")

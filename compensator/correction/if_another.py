@@ -23,11 +23,12 @@ SLOT = 0.9
 
 @dataclass(frozen=True)
 class IfAnother:
-    """aside, thicker, larger, worn [um]: RMS over the targets by which the correction would be another.
+    """aside, higher, thicker, larger, worn [um]: RMS over the targets by which the correction would be another.
     cut: as it is stated."""
 
     cut: StockCut
     aside: float
+    higher: float
     thicker: float
     larger: float
     worn: float
@@ -36,9 +37,10 @@ class IfAnother:
     def words(self) -> str:
         """One sentence."""
         return (f"{self.cut.words}. The correction would be another by about {self.aside:.0f} um RMS were the stock "
-                f"{1e3 * ASIDE:g} mm aside, by {self.thicker:.0f} um were the cutter {1e3 * THICKER:g} mm thicker, by "
-                f"{self.larger:.0f} um for each {100 * LARGER:.0f} % of force that the material takes more, by "
-                f"{self.worn:.0f} um were the edges worn by half since the log (which is in no sigma)")
+                f"{1e3 * ASIDE:g} mm aside, by {self.higher:.0f} um were its top {1e3 * ASIDE:g} mm higher, by "
+                f"{self.thicker:.0f} um were the cutter {1e3 * THICKER:g} mm thicker, by {self.larger:.0f} um for each "
+                f"{100 * LARGER:.0f} % of force that the material takes more, by {self.worn:.0f} um were the edges worn by "
+                "half since the log")
 
 
 def if_another(loaded: LoadedPath, deviation: Array) -> IfAnother | None:
@@ -53,11 +55,12 @@ def if_another(loaded: LoadedPath, deviation: Array) -> IfAnother | None:
         compliance = position_compliance(loaded.model.robot, loaded.planned_theta[places], tool, loaded.model.compliance)
         moved[places] = compliance @ follows[places]
         worn[places] = WORN * np.einsum("nij,nj->ni", compliance, cut.of_edges[targets[places]])
-    # By where the stock stands along x and y of the work object; the worse of the two.
-    axes = loaded.path.base_from_object.rotation[targets][:, :, :2]
+    # By where the stock stands along x, y (the worse of the two) and z of the work object.
+    axes = loaded.path.base_from_object.rotation[targets]
     along = 1e6 * ASIDE * np.linalg.norm(moved @ axes, axis=1)
     size, width = 1e6 * np.linalg.norm(deviation, axis=1), cut.width[targets]
     # One side of the cutter comes nearer to the material by half of what it is thicker, both sides where it is a slot.
     wider = THICKER * np.where(width > SLOT * cut.diameter, 1.0, 0.5)
-    return IfAnother(cut, max(rms(column) for column in along.T), rms(size * wider / np.maximum(width, wider)),
+    sideways, across, higher = (rms(column) for column in along.T)
+    return IfAnother(cut, max(sideways, across), higher, rms(size * wider / np.maximum(width, wider)),
                      LARGER * rms(size), 1e6 * rms(np.linalg.norm(worn, axis=1)))

@@ -36,8 +36,8 @@ def in_base(cell: Cell) -> Cell:
 
 def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path, rpm: float | None) -> tuple[ForceLog, Cut]:
     """Of a program whose tool stands on its plan, which is where a corrected one stands. Rows are steps along the path, forces
-    in the base frame; covariance of each: the coefficients', the model's error, and where the stock stands; follows: what it
-    changes by where the tool stands off its plan.
+    in the base frame; covariance of each: the coefficients', the model's error, what edges that were logged have worn since
+    (cutting.wear_std), and where the stock stands; follows: what it changes by where the tool stands off its plan.
 
     Raises CompstiffError: CS4721 another cutter or material, and what `cut_of` raises.
     """
@@ -49,6 +49,8 @@ def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path
     covariance = np.einsum("sij,jk,slk->sil", cut.per_step, coefficients.covariance, cut.per_step)
     size = np.linalg.norm(force, axis=1)
     covariance += (coefficients.model_error * size)[:, None, None] ** 2 * np.eye(3) / 3
+    worn = _worn(path.cell, coefficients) * cut.per_step[:, :, EDGE] @ coefficients.mean[EDGE]
+    covariance += worn[:, :, None] * worn[:, None, :]
     follows = cut.change(coefficients.mean) / step
     covariance += blank.position_std**2 * follows @ follows.swapaxes(1, 2)
     follows = follows @ path.base_from_object.rotation[cut.track.target].swapaxes(1, 2)
@@ -69,6 +71,12 @@ def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path
         np.maximum(np.round(cut.track.length[own] / pieces[own] / A_SAMPLE), 1.0), None, None, None, force,
         np.zeros(rows, dtype=bool), findings,
         predicted=PredictedForces(own, covariance, follows, _stated(cut, coefficients))), cut
+
+
+def _worn(cell: Cell, coefficients: Coefficients) -> float:
+    """1 sigma of what the edges need more, or less, than when they were logged, a share; what the table says has it in its
+    width."""
+    return 0.0 if coefficients.chip is None else cell.cutting.wear_std
 
 
 def _stated(cut: Cut, coefficients: Coefficients) -> StockCut | None:

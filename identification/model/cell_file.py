@@ -98,6 +98,9 @@ class CuttingFile(Strict):
     teeth: Annotated[int, Field(ge=1, le=100)] | None = None
     corner_radius_mm: NotNegative | None = None
     flute_mm: Positive | None = None
+    # 1 sigma of what the edges need more, or less, than when their coefficients were logged: half again, two of it, is a cutter
+    # in the middle of its life (engineering judgement).
+    wear_std: Annotated[float, Field(ge=0, le=2)] = 0.25
     stiffness_n_per_mm: Positive | None = None
     std_n_per_mm: NotNegative | None = None
 

@@ -86,6 +86,16 @@ def test_a_log_tells_the_coefficients(shop: Shop, fitted: dict[str, Any]) -> Non
     assert left.volume < before.volume
 
 
+def test_what_a_thicker_stock_would_have_made_of_the_coefficients_is_said(shop: Shop, fitted: dict[str, Any]) -> None:
+    """About what comes out with the top half a millimetre lower in the file than it was: no check of one log can see it."""
+    thinner = shop.run("cutting", shop.cell, shop.a.program, "--stock",
+                       stock_file(shop.a.part, shop.folder / "thin.npz", higher_mm=-0.5), "--stiffness", shop.stiffness,
+                       "--forces", shop.log, "--tare", "0:2", "-o", shop.folder / "thin.json")
+    came_out = thinner["mean"][0] / fitted["mean"][0] - 1
+    assert 0.7 < 0.5 * fitted["log"]["were_the_top_1_mm_higher"] / came_out < 1.3
+    assert came_out > 0.05
+
+
 def test_another_program_is_corrected_without_a_log(shop: Shop, fitted: dict[str, Any]) -> None:
     """Nine tenths of its deviation are gone on its first part; from the table seven."""
     assert fitted["log"]["rows"] > 150
@@ -204,10 +214,38 @@ def test_what_another_stock_or_cutter_would_mean_is_said(shop: Shop, fitted: dic
     commands = [step.command for step in steps_of(found, None, None)]
     assert all("--predict-force" in command and "--forces" not in command for command in commands)
     for stated, changed in ((0.5 * told.aside, said("aside", stock_file(shop.b.part, tmp_path / "m.npz", aside_mm=0.5))),
+                            (0.5 * told.higher, said("higher", stock_file(shop.b.part, tmp_path / "h.npz", higher_mm=0.5))),
                             (told.thicker, said("thick", shop.stocks[1], diameter=17)),
                             (told.worn, said("worn", shop.stocks[1], edges=1.5))):
         other = np.linalg.norm(changed[1] - here, axis=1)
         assert 0.6 < stated / rms(other[np.isfinite(other)]) < 1.7
+
+
+def test_edges_that_wear_are_in_sigma(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
+    """What edges need more since the log moves the part by that share of their force, and so far sigma reaches; not of the
+    table, whose width has it."""
+    kept = json.loads((shop.folder / "log.json").read_text())
+    assert kept["mean"] == fitted["mean"]
+
+    def predicted(wear: float, edges: float, table: bool = False) -> Any:
+        cell = shop.cell.with_name(f"wear_{wear}.yaml")
+        cell.write_text(shop.cell.read_text().replace("material: aluminium", f"material: aluminium, wear_std: {wear}"))
+        mean = [*kept["mean"][:3], *(edges * value for value in kept["mean"][3:])]
+        file = tmp_path / "edges.json"
+        file.write_text(json.dumps(kept | {"mean": mean} | ({"feed_a_tooth_mm": None} if table else {})))
+        found = predict_files(Inputs(cell, shop.b.program, shop.stiffness, None),
+                              Settings.of(predict_force=file, stock=shop.stocks[1]))
+        return found.prediction
+
+    sharp = predicted(0.0, 1.0)
+    change = predicted(0.0, 1.4).position - sharp.position
+    assert 1e6 * rms(np.linalg.norm(change, axis=1)) > 5
+    more = predicted(0.4, 1.0).covariance - sharp.covariance
+    # In a corner the mean of what the force may do is more than what its mean may do.
+    ratio = np.trace(more, axis1=1, axis2=2) / np.sum(change**2, axis=1)
+    assert 0.99 < np.median(ratio) < 1.01
+    assert ratio.min() > 0.98
+    assert np.array_equal(predicted(0.4, 1.0, table=True).covariance, predicted(0.0, 1.0, table=True).covariance)
 
 
 @pytest.mark.parametrize(("words", "code"), [
