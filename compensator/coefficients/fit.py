@@ -20,7 +20,7 @@ from compensator.cutting.cut import Cut, cut_of
 from compensator.cutting.cutter import cutter_of, said_of_cutter
 from compensator.cutting.materials import MATERIALS, coefficients_of
 from compensator.cutting.posterior import ForcePosterior, ForceRows, fit_coefficients
-from compensator.cutting.rows import FEWEST, logged_rows
+from compensator.cutting.rows import ENOUGH, FEWEST, logged_rows
 from compensator.cutting.runout import missing_force
 from compensator.cutting.settings import CuttingSettings
 from compensator.cutting.stock_file import Blank, read_stock
@@ -77,7 +77,7 @@ def cutting_coefficients(
     predicted = predict(cell, program, model, forces, settings)
     blank, rpm = read_stock(stock), settings.log.spindle_rpm
     cut, placed, rows, used = _held_against(predicted, blank, rpm)
-    if len(rows.force) < FEWEST and (spread := on_half_ways(read_log(predicted.path, forces, settings), predicted.path)):
+    if len(rows.force) < ENOUGH and (spread := on_half_ways(read_log(predicted.path, forces, settings), predicted.path)):
         predicted = predict(cell, program, model, spread, settings)
         cut, placed, rows, used = _held_against(predicted, blank, rpm)
     if len(rows.force) < FEWEST:

@@ -12,7 +12,7 @@ from compensator.cutting.cut import cut_of
 from compensator.cutting.disagreement import disagreement
 from compensator.cutting.misread import misread
 from compensator.cutting.predicted_log import STEP
-from compensator.cutting.rows import FEWEST, logged_rows
+from compensator.cutting.rows import ENOUGH, logged_rows
 from compensator.cutting.stock_file import read_stock
 from compensator.forces.placement import axes_of_log
 from identification.common.findings import Finding, counted
@@ -34,7 +34,7 @@ def beside_stock(loaded: LoadedPath, prediction: Prediction, settings: Settings)
     cut = cut_of(path, blank, rpm, aside, step)
     check_same(coefficients, cut.cutter, path.cell.cutting.material, str(path.cell.source))
     rows, used = logged_rows(cut, forces, coefficients.mean)
-    if len(rows.force) < FEWEST:
+    if len(rows.force) < ENOUGH:
         return [Finding("CS4743", "warning", f"only {counted(len(rows.force), 'target')} with a force and engaged as the stock "
                         "says: the log cannot be held against it", file=source,
                         hint="is it the stock that this program started from?")]

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import compstiff
+from compensator.cutting.materials import coefficients_of
+from compensator.cutting.posterior import ForceRows, fit_coefficients
 from compensator.cutting.removal import mill_through
 from compensator.cutting.stock import MOST_LAYERS, more_layers
 from identification.model.stiffness import IdentifiedModel
@@ -131,3 +133,32 @@ def test_layers_stay_few_and_those_of_a_box_are_one() -> None:
     assert more.inside.strides[0] == 0
     assert np.all(np.diff(more.height) > 0)
     assert more_layers(stock, 1e-3 * rng.uniform(-19, -1, 5000), np.full(5000, 1e-4), 0.05e-3) is stock
+
+
+def test_a_dozen_places_of_one_slot_say_how_much_they_tell() -> None:
+    """Mean forces of a slot by Altintas' closed form, drawn with errors that neighbours share: the force that is predicted
+    for this slot, and for chips half as thick, is off by no more than coefficients and model are said to be."""
+    teeth, depth, chip, count = 3, 3e-3, 5e-5, 12
+    mean, covariance = coefficients_of("steel", chip)
+    rng, root = np.random.default_rng(8), 0.5 * np.linalg.cholesky(covariance)
+
+    def slot(chip: float) -> np.ndarray:
+        c, e = teeth * depth * chip, teeth * depth / np.pi
+        return np.array([[0, -c / 4, 0, 0, -e, 0], [c / 4, 0, 0, e, 0, 0], [0, 0, c / np.pi, 0, 0, teeth * depth / 2]])
+
+    far: dict[float, list[float]] = {chip: [], chip / 2: []}
+    for _ in range(150):
+        true = mean + root @ rng.standard_normal(6)
+        errors = rng.standard_normal((count, 3))
+        for i in range(1, count):
+            errors[i] = 0.7 * errors[i - 1] + np.sqrt(1 - 0.7**2) * errors[i]
+        force = slot(chip) @ true
+        logged = force + (0.5 + 0.02 * np.linalg.norm(force)) * errors + rng.standard_normal(3)
+        told = fit_coefficients(ForceRows(np.broadcast_to(slot(chip), (count, 3, 6)).copy(), logged, np.full((count, 3), 0.3),
+                                          np.zeros((count, 3, 0)), 3e-3 * np.arange(count)), mean, covariance)
+        for own, sizes in far.items():
+            off, spread = slot(own) @ (told.mean - true), slot(own) @ told.covariance @ slot(own).T
+            spread += (told.model_error * np.linalg.norm(slot(own) @ true)) ** 2 / 3 * np.eye(3)
+            sizes.append(float(off @ np.linalg.solve(spread, off)) / 3)
+    assert 0.3 < np.sqrt(np.mean(far[chip])) < 1
+    assert 0.3 < np.sqrt(np.mean(far[chip / 2])) < 1
