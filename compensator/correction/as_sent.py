@@ -10,27 +10,26 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compensator.correction.correctable import targets_to_correct
+from compensator.correction.pass_offsets import PassOffsets
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
 from compensator.forces.placement import place_forces
 from compensator.path.robot_path import RobotPath
+from identification.common.arrays import Array, directions
 
-Array = NDArray[np.float64]
 
-
-def as_sent(planned: Predicted, offsets: Array | None) -> Predicted:
-    """The program under a log that is placed by its targets, whatever offsets (N, 3) [m], base frame, they were driven with;
-    None: without any."""
+def as_sent(planned: Predicted, offsets: PassOffsets | None) -> Predicted:
+    """The program under a log that is placed by its targets, whatever offsets they were driven with; None: without any."""
     path, log = planned.path, planned.forces.log
     if offsets is None or not log.sent:
         return planned
-    known = np.flatnonzero(np.isfinite(path.length))
-    length = path.length[known]
+    length = offsets.length(path.length)
+    known = np.flatnonzero(np.isfinite(length))
+    length = length[known]
     # No target stands behind the one before.
-    driven = np.maximum.accumulate(np.nan_to_num(length + _along_feed(path, offsets)[known]))
+    driven = np.maximum.accumulate(length + np.nan_to_num(_along_feed(path, offsets)[known]))
     place = np.interp(log.place, driven, length, left=np.nan, right=np.nan)
     # The tare was judged on the log as it was.
     placed = place_forces(replace(log, place=place, sent=False), path, planned.cell, tare=planned.settings.log.tare,
@@ -40,11 +39,12 @@ def as_sent(planned: Predicted, offsets: Array | None) -> Predicted:
     return replace(planned, loaded=loaded, prediction=predict_path(loaded))
 
 
-def _along_feed(path: RobotPath, values: Array) -> Array:
-    """The part (N,) along the feed of vectors (N, 3), base frame; 0 at targets of unknown position."""
-    position, along = path.rest_from_tcp.position, np.zeros_like(values)
+def _along_feed(path: RobotPath, offsets: PassOffsets) -> Array:
+    """The part (N + A,) along the feed of the offsets, in their order: of the path at the targets as given, 0 where their
+    position is not known, of its move at the added ones."""
+    position, along = path.rest_from_tcp.position, np.zeros_like(offsets.given)
     known = np.flatnonzero(path.known)
     if len(known) > 1:
         along[known] = path.axes.turned_to_base(np.gradient(position[known], axis=0), known)
-    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
-    return np.asarray(np.einsum("ni,ni->n", values, along))
+    move = path.axes.turned_to_base(position[offsets.before] - position[offsets.before - 1], offsets.before)
+    return np.asarray(np.einsum("ni,ni->n", offsets.offset, directions(offsets.in_order(along, move))))

@@ -29,6 +29,7 @@ from compensator.correction.cut_kind import cut_shares
 from compensator.correction.cutting_prior import GROWS, depths, slot_depths
 from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.pass_offsets import PassOffsets
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction, predict_path
 from compensator.correction.slot_cut import Slots, slots
@@ -73,10 +74,10 @@ def across_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
 @dataclass(frozen=True, eq=False)
 class LoggedPass:
     """What is known of the pass that the log was taken in. on_plan: the forces are those of a tool on the plan, as predicted
-    ones are, and a corrected tool meets them. offsets (N, 3) [m], base frame, that the program had then, None: it
-    was the planned one; stiffness: of the cut [N/m], None: not known; slot: the same of a slot, along the tool's axis."""
+    ones are, and a corrected tool meets them. offsets: that the program had then, None: it was the planned one; stiffness: of
+    the cut [N/m], None: not known; slot: the same of a slot, along the tool's axis."""
 
-    offsets: Array | None
+    offsets: PassOffsets | None
     stiffness: CuttingStiffness | None
     findings: tuple[Finding, ...] = ()
     on_plan: bool = False
@@ -111,7 +112,7 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
         nothing = np.zeros(len(predicted.targets))
         return (CorrectedPass(predicted.loaded, np.zeros((len(nothing), 3)), nothing, nothing, None, np.ones(len(nothing)),
                               0.0), predicted.prediction)
-    offsets = _at_all(logged.offsets, kept, predicted)
+    offsets = None if logged.offsets is None else logged.offsets.over(predicted.path, kept)
     stood = standing(predicted, offsets)[predicted.targets]
     with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers in targets without force
         direction, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
@@ -273,13 +274,6 @@ def _check_gain(predicted: Predicted, stiffness: Array, direction: Array) -> flo
             file=toolpath.source, line=int(toolpath.line[where]), target=int(toolpath.number[where]),
             hint="is the unit of --cutting-stiffness N/mm? Else take less contact along the tool's axis, or a stiffer posture"))
     return gain
-
-
-def _at_all(offsets: Array | None, kept: Indices, predicted: Predicted) -> Array | None:
-    """Offsets of the targets as given, at all targets of the program (N, 3) [m]."""
-    if offsets is None:
-        return None
-    return np.column_stack([np.interp(np.arange(len(predicted.path.toolpath)), kept, axis) for axis in offsets.T])
 
 
 def standing(predicted: Predicted, offsets: Array | None) -> Array:

@@ -12,7 +12,7 @@ from compensator.correction.fine_grid import Grid, fine_grid
 from compensator.correction.grid_forces import forces_on
 from compensator.correction.grid_path import grid_path
 from compensator.correction.loaded_path import LoadedPath
-from compensator.correction.logged_pass import read_offsets
+from compensator.correction.pass_offsets import PassOffsets, read_offsets
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
 from compensator.forces.placement import ForceLog, TargetForces
@@ -30,15 +30,15 @@ PIECE, SAMPLES = 2e-3, 8
 def places_between(predicted: Predicted) -> tuple[RobotPath, TargetForces, Array]:
     """The program with places along its long moves, the forces of its log there, and where the tool stood off its plan while
     the log was taken (G, 3) [m], base frame. Raises what `read_offsets` raises."""
-    aside, grid = _offsets(predicted), _grid(predicted)
+    offsets, grid = _offsets(predicted), _grid(predicted)
     if grid is None:
+        aside = offsets.over(predicted.path)
         aside[predicted.targets] += predicted.prediction.position
         return predicted.path, predicted.forces, aside
     fine = grid_path(predicted.path, replace(grid, toolpath=replace(grid.toolpath, driven=_driven(predicted, grid), ways=())))
     forces = forces_on(predicted, fine, grid, np.full(len(grid.owner), PIECE))
     points = np.flatnonzero(forces.forced & fine.reached)
-    between = np.arange(len(grid.owner))
-    aside = np.column_stack([np.interp(between, grid.kept, axis) for axis in aside.T])
+    aside = offsets.over(fine, grid.kept)
     aside[points] += predict_path(LoadedPath(fine, forces, predicted.model, points, predicted.loaded.learned)).position
     return fine, forces, aside
 
@@ -58,10 +58,11 @@ def on_half_ways(log: ForceLog, path: RobotPath) -> ForceLog | None:
     return replace(spread, place=np.interp(spread.place, time, path.length), time=None, findings=(*log.findings, said))
 
 
-def _offsets(predicted: Predicted) -> Array:
-    """Those of the pass that was logged (N, 3) [m], base frame."""
+def _offsets(predicted: Predicted) -> PassOffsets:
+    """Those of the pass that was logged."""
     file = predicted.settings.correction.logged_with
-    return np.zeros((len(predicted.path.toolpath), 3)) if file is None else read_offsets(file, predicted.path).copy()
+    return (PassOffsets.at_targets(np.zeros((len(predicted.path.toolpath), 3))) if file is None else
+            read_offsets(file, predicted.path))
 
 
 def _grid(predicted: Predicted) -> Grid | None:

@@ -16,6 +16,7 @@ from compensator.correction.expected_left import expected_left, foreseen
 from compensator.correction.known_slot import known_slot
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.other_stance import best_shift, shifted, turned
+from compensator.correction.pass_offsets import PassOffsets
 from compensator.correction.posture import advise
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
@@ -127,7 +128,8 @@ def _next_pass(corrected: Corrected) -> Array:
     size = np.linalg.norm(position, axis=1)
     offsets = np.zeros((len(predicted.path.toolpath), 3))
     offsets[predicted.targets] = -position * np.maximum(1 - corrected.left.std / np.maximum(size, 1e-12), 0.0)[:, None]
-    return _again(corrected, predicted, replace(corrected.logged, offsets=offsets[corrected.kept]))
+    return _again(corrected, predicted, replace(
+        corrected.logged, offsets=PassOffsets.of_written(offsets, predicted.path, corrected.kept)))
 
 
 def _known_cut(corrected: Corrected) -> Array:
@@ -150,7 +152,9 @@ def _stated_depth(corrected: Corrected) -> Array | None:
 def _stated_slots(corrected: Corrected) -> Array:
     planned = corrected.planned
     settings = replace(planned.settings, correction=replace(planned.settings.correction, slot_depth=SLOT_DEPTH))
-    slot, _ = known_slot(replace(planned, settings=settings), corrected.logged.offsets, corrected.stiffness)
+    sent = corrected.logged.offsets
+    slot, _ = known_slot(replace(planned, settings=settings), None if sent is None else sent.over(planned.path),
+                         corrected.stiffness)
     return _again(corrected, corrected.predicted, replace(corrected.logged, slot=slot))
 
 

@@ -88,14 +88,14 @@ class FittedPart:
 
 
 def fitted_part(
-    rows: Rows, predicted: Predicted, offsets: Array, believed: Believed, motion: Estimate, source: str,
+    rows: Rows, predicted: Predicted, believed: Believed, motion: Estimate, source: str,
 ) -> FittedPart:
-    """offsets (M, 3) [m]: that the pass had at the targets with force; source: the file of the points.
+    """source: the file of the points.
 
     Raises Refused (CS5310) where the measured deviation does not follow the predicted.
     """
     frame, mean, size = frame_of(rows, predicted), believed.mean, len(believed.mean)
-    linearised = _linearised(rows, predicted, offsets, believed, frame)
+    linearised = _linearised(rows, predicted, believed, frame)
     terms = linearised(believed.start, np.eye(SETUP + DRIFT))
     noise = without_remainder(terms)
     refuse_wrong_factor(terms, noise, rows.seen(predicted.prediction.position)[:, 0] * motion.value, source)
@@ -116,11 +116,11 @@ def fitted_part(
 
 
 def _linearised(
-    rows: Rows, predicted: Predicted, offsets: Array, believed: Believed, frame: JobFrame,
+    rows: Rows, predicted: Predicted, believed: Believed, frame: JobFrame,
 ) -> Callable[[Array, Array], Terms]:
     """The terms at parameters (S,), with a projector (9, 9) on set-up and drift."""
     def terms(x: Array, job: Array) -> Terms:
-        return terms_of(rows, predicted, offsets, replace(believed.model, mean=x), believed.mean, believed.covariance, frame,
+        return terms_of(rows, predicted, replace(believed.model, mean=x), believed.mean, believed.covariance, frame,
                         job)
 
     return terms

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from compensator.correction.logged_pass import driven_as_said, read_offsets
+from compensator.correction.logged_pass import driven_as_said
+from compensator.correction.pass_offsets import read_offsets
 from compensator.correction.predict import predict
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Estimate, Settings
 from compensator.forces.placement import ForceLog
@@ -63,39 +64,34 @@ def learn(
     predicted = predict(cell, program, model, forces, plain)
     driven = driven_as_said(replace(predicted, settings=settings))
     placed = place_points(points, predicted, radius, within)
-    rows = rows_of(points, placed, predicted)
-    offsets = np.zeros((len(predicted.path.toolpath), 3))
-    if chosen.logged_with:
-        offsets = read_offsets(chosen.logged_with, predicted.path)
-    offsets = offsets[predicted.targets]
+    rows = rows_of(points, placed, predicted, read_offsets(chosen.logged_with, predicted.path) if chosen.logged_with else None)
     told = rows.seen(predicted.prediction.position)[:, 0]
-    refuse_wrong_axes(rows, rows.value - rows.seen(offsets)[:, 0], told, points.source)
+    refuse_wrong_axes(rows, rows.value, told, points.source)
     wide = Estimate(1.0, max(MOTION, cell.motion.compliance_std))
     motion = wide if chosen.scale == EXACTLY_ONE else chosen.scale
     mean, before = _before(model, motion, cell)
-    without = fitted_part(rows, predicted, offsets, Believed(model, mean, before, mean), motion, points.source)
+    without = fitted_part(rows, predicted, Believed(model, mean, before, mean), motion, points.source)
     asked = ask(without, predicted)
     fitted = without
     if asked.terms:
         extended = without.believed.extended(asked.terms, without.x)
-        fitted = fitted_part(asked.rows, predicted, offsets, extended, motion, points.source)
+        fitted = fitted_part(asked.rows, predicted, extended, motion, points.source)
         asked = tested(asked, without, fitted)
         free = with_free_laws(asked, without, fitted, predicted) if asked.terms else None
         if free is not None:
-            fitted = fitted_part(asked.rows, predicted, offsets, free, motion, points.source)
+            fitted = fitted_part(asked.rows, predicted, free, motion, points.source)
         fitted = fitted if asked.terms else without
     terms, found = fitted.terms, fitted.posterior
-    measured = rows.value - rows.seen(offsets)[:, 0]
-    parts = _parts(terms, found, measured, rows.seen(predicted.prediction.position)[:, 0])
+    parts = _parts(terms, found, rows.value, rows.seen(predicted.prediction.position)[:, 0])
     shown = fitted.believed.model.effects[len(model.effects):]
     in_force = tuple(EffectInForce(term.effect, term.joint) for term in shown)
     learned = Learned(model.mean.copy(), fitted.absolute, found.covariance, terms.frame, found.remainder, in_force,
                       unshown=unshown(fitted.all_terms, fitted.sizes))
-    result = Learning(predicted, terms, fitted.sizes, learned, measured, parts,
+    result = Learning(predicted, terms, fitted.sizes, learned, rows.value, parts,
                       _motion(fitted.believed.covariance, found, motion, cell), fitted.chance, fitted.tried, asked,
                       (len(placed.rows), len(points)), points.source, chosen.logged_with, ())
     findings = (*points.findings, *predicted.findings, *driven, *placed.findings, *rows.findings,
-                *said_of_shift(rows, rows.value - rows.seen(offsets)[:, 0], predicted, points.source),
+                *said_of_shift(rows, rows.value, predicted, points.source),
                 *said_of_unseen(rows, predicted, points.source), *said_of(result, before, mean),
                 *said_of_causes(asked, points.source))
     refuse_worse(fitted.tried, points.source, findings)

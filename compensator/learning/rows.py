@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from compensator.correction.pass_offsets import PassOffsets
 from compensator.correction.predict import Predicted
 from compensator.learning.measured_points import MeasuredPoints
 from compensator.learning.path_places import PathPlaces
@@ -27,10 +28,10 @@ GAP = 10e-3
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """n numbers at P places. value, sigma (n,) [m]: measured, less nothing; direction (n, 3), base frame, means of unit
-    vectors; place (n,). position (P, 3) [m] and posture (P, 6) [rad] as planned, length (P,) [m] along the path, time (P,) [s].
-    steep (n,) [m/m]: how fast the predicted deviation changes along the path there. of_targets (n, 3 M) sparse: means of a
-    displacement (M, 3) of the targets with force, along the directions."""
+    """n numbers at P places. value, sigma (n,) [m]: measured, less the offsets that the pass had; direction (n, 3), base frame,
+    means of unit vectors; place (n,). position (P, 3) [m] and posture (P, 6) [rad] as planned, length (P,) [m] along the path,
+    time (P,) [s]. steep (n,) [m/m]: how fast the predicted deviation changes along the path there. of_targets (n, 3 M) sparse:
+    means of a displacement (M, 3) of the targets with force, along the directions."""
 
     value: Array
     sigma: Array
@@ -65,9 +66,12 @@ class Rows:
                     self.posture, self.length, self.time, self.steep[chosen], self.of_targets[np.flatnonzero(chosen)])
 
 
-def rows_of(points: MeasuredPoints, placed: PathPlaces, predicted: Predicted, most: int = MOST_PLACES) -> Rows:
-    """The numbers of the points that have a place, in the base frame, means of neighbours where there are over `most`
-    points."""
+def rows_of(
+    points: MeasuredPoints, placed: PathPlaces, predicted: Predicted, offsets: PassOffsets | None = None,
+    most: int = MOST_PLACES,
+) -> Rows:
+    """The numbers of the points that have a place, in the base frame, less the offsets that the pass had, None: none; means of
+    neighbours where there are over `most` points."""
     path, targets = predicted.path, predicted.targets
     count, size = len(placed.rows), len(targets)
     group = _groups(placed.length, most)
@@ -105,8 +109,12 @@ def rows_of(points: MeasuredPoints, placed: PathPlaces, predicted: Predicted, mo
     posture = middle((1 - way) * path.theta[before] + way * path.theta[after])
     findings = [] if len(position) == count else [Finding(
         "CS5308", "note", f"{count} points are averaged to {len(position)} places along the path", file=points.source)]
+    value = points.value[used]
+    if offsets is not None:
+        # As the deviation: of the way of each target, straight between them.
+        value = value - of_targets @ offsets.over(path)[targets].ravel()
     sigma = np.sqrt(np.bincount(row, points.sigma[used] ** 2, minlength=number)) * weight
-    return Rows(np.asarray(mean @ points.value[used]), sigma, np.asarray(mean @ direction), keys[:, 0].astype(np.intp),
+    return Rows(np.asarray(mean @ value), sigma, np.asarray(mean @ direction), keys[:, 0].astype(np.intp),
                 position, posture, middle(placed.length)[:, 0], middle(placed.time)[:, 0],
                 np.asarray(abs(mean @ of_targets) @ slope_along(predicted, predicted.prediction.position).ravel()),
                 sparse.csr_array(mean @ of_targets),

@@ -102,12 +102,12 @@ def frame_of(rows: Rows, predicted: Predicted) -> JobFrame:
     return JobFrame(first, centre, radius, float(rows.time.max()))
 
 
-def terms_of(rows: Rows, predicted: Predicted, offsets: Array, model: IdentifiedModel, mean: Array, before: Array,
+def terms_of(rows: Rows, predicted: Predicted, model: IdentifiedModel, mean: Array, before: Array,
              frame: JobFrame, job: Array) -> Terms:
-    """Linearised at the parameters of `model`: rows less the offsets (M, 3) [m] that the pass had and the deviation there.
+    """Linearised at the parameters of `model`: rows less the deviation there.
     mean (S,), before (S, S): the prior of x."""
     loaded = replace(predicted.loaded, model=model)
     deviation, slopes = predict_path(loaded).position, deviation_slopes(loaded)[:, :3]
     by_x = rows.seen(slopes)
-    residual = rows.value - rows.seen(offsets + deviation)[:, 0] + by_x @ (model.mean - mean)
+    residual = rows.value - rows.seen(deviation)[:, 0] + by_x @ (model.mean - mean)
     return Terms(rows, frame, residual, by_x, rows.along(frame.columns(rows.position, rows.time)), before, job)

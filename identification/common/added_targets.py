@@ -1,7 +1,8 @@
-"""The targets that `correct` added, as offsets.csv tells of them in its column `added`.
+"""The targets that `correct` added, as offsets.csv tells of them in its columns `added` and `added_mm`.
 
-It has, in the row of a target as given, the shares of the move to it at which others were added before it. The written program
-counts them too: behind the first of them a number names another target than in the planned program.
+They have, in the row of a target as given, the shares of the move to it at which others were added before it, and the offsets
+of these, three numbers each. The written program counts them too: behind the first of them a number names another target than
+in the planned program.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from identification.common.tables import Table
 
 Indices = NDArray[np.intp]
-ADDED = "added"
+ADDED, ADDED_MM = "added", "added_mm"
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +66,15 @@ def added_text(kept: Indices, length: Array) -> NDArray[np.object_]:
     return text
 
 
+def added_mm_text(kept: Indices, offset: Array) -> NDArray[np.object_]:
+    """The column ADDED_MM for targets as given at the places kept (N,) of a program whose targets have offsets (W, 3) [mm]."""
+    text = np.full(len(kept), "", dtype=object)
+    for target in np.flatnonzero(np.diff(kept, prepend=-1) > 1):
+        before = kept[target - 1] if target else -1
+        text[target] = " ".join(f"{value:.6f}" for value in (offset[before + 1:kept[target]] + 0.0).ravel())
+    return text
+
+
 def read_added(file: Path) -> AddedTargets | None:
     """None where the file has no such column, or nothing was added. Raises CompstiffError: CS4121 shares that are none; what
     `read_table` raises."""
@@ -90,3 +100,23 @@ def added_of(table: Table) -> AddedTargets | None:
         given += [row] * (len(here) + 1)
         share += [*here, 1.0]
     return AddedTargets(table.source, np.array(given), np.array(share))
+
+
+def added_offsets(table: Table) -> Array | None:
+    """The offsets (A, 3) [mm] of the added targets of a table that was read with both text columns, in the order of `added_of`;
+    None: it does not tell. Raises CompstiffError (CS4121) where they are not three numbers for each share."""
+    text = table.texts.get(ADDED_MM)
+    if text is None or not any(text):
+        return None
+    offsets: list[float] = []
+    for row, (words, shares) in enumerate(zip(text, table.texts[ADDED], strict=True)):
+        try:
+            here = [float(word) for word in str(words).split()]
+        except ValueError:
+            here = [np.nan]
+        if len(here) != 3 * len(str(shares).split()) or not np.isfinite(here).all():
+            raise error("CS4121", f"column '{ADDED_MM}': found {words!r}, expected three finite numbers for each share in "
+                        f"'{ADDED}'", file=table.source, line=int(table.line[row]),
+                        hint="use the file as correct --offsets wrote it")
+        offsets += here
+    return np.array(offsets).reshape(-1, 3)

@@ -623,5 +623,5 @@ def test_the_measured_is_compared_with_the_predicted_of_the_moving_robot(monkeyp
     predicted: Any = SimpleNamespace(prediction=SimpleNamespace(position=moved))
     believed: Any = SimpleNamespace(mean=np.zeros(6), start=None)
     with pytest.raises(StopIteration):
-        fitted_part.fitted_part(rows, predicted, np.zeros((2, 3)), believed, Estimate(1.25, 0.1), "points.csv")
+        fitted_part.fitted_part(rows, predicted, believed, Estimate(1.25, 0.1), "points.csv")
     assert asked[0] == pytest.approx(1.25e-6 * np.array([30.0, 40.0]))

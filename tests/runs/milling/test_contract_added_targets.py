@@ -116,8 +116,8 @@ def test_a_log_that_ends_before_the_numbers_tell_is_refused(
 def test_shares_that_are_none(job: MillingJob, offsets: Path) -> None:
     rows = offsets.read_text().splitlines()
     wrong = job.folder / "wrong.csv"
-    for words in ("0.5 0.25", "1.5", "half"):
-        wrong.write_text("\n".join([*rows[:-1], rows[-1].rpartition(",")[0] + "," + words]) + "\n")
+    for words in ("0.5 0.25,", "1.5,", "half,", "0.5,", "0.5,0 0", "0.5,0 0 none"):
+        wrong.write_text("\n".join([*rows[:-1], ",".join([*rows[-1].split(",")[:-2], words])]) + "\n")
         answer = kit.run("correct", job.cell, job.program, "--stiffness", job.folder / "stiffness.json", "--forces",
                          job.folder / "pass1.csv", "--tare", "0:2", "--logged-with", wrong, "-o", job.folder / "no.mod")
         assert answer.code == 1
@@ -150,9 +150,9 @@ def test_push_says_what_it_does_not_send(job: MillingJob, found: Correction, off
     assert said["level"] == ("warning" if len(moves) > corrected / 4 else "note")
     few = tmp_path / "few.csv"
     left = set(moves[:2].tolist())
-    few.write_text("\n".join([lines[0], *(",".join([*row[:-1], row[-1] if k in left else '']) for k, row in enumerate(rows))])
-                   + "\n")
-    assert names[-1] == "added"
+    few.write_text("\n".join([lines[0], *(",".join([*row[:-2], *(row[-2:] if k in left else ('""', '""'))])
+                                          for k, row in enumerate(rows))]) + "\n")
+    assert names[-2:] == ["added", "added_mm"]
     (said,) = [one for one in kit.run("push", job.cell, few, "--program", job.program, "--json").json["findings"]
                if one["code"] == "CS5008"]
     assert (said["level"], said["message"].split(" of")[0]) == ("note", "in 2")
