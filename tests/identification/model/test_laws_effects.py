@@ -184,3 +184,19 @@ def test_what_hangs_on_flange_and_forearm_turns_the_joints_by_virtual_work(name:
             np.testing.assert_allclose(rows.hung_on_forearm[:, joint], work[1], atol=1e-8)
         else:
             np.testing.assert_allclose(rows.hung_on_flange[:, joint], work[2 * (joint == 5)], atol=1e-8)
+
+
+def test_the_scale_of_the_force_is_all_springs_changed_together() -> None:
+    """Also where the arm moves by millimetres under the load: half of the force on springs of half the stiffness is the same
+    deflection, to the last nanometre. In proportion alone it would be off by micrometres, which rows of a soft arm show."""
+    effect, theta = effects()["force_gain"], random_poses(robot(), 30, np.random.default_rng(2))
+    wrench = np.tile([0.0, 0.0, -1300.0, 0.0, 0.0, 0.0], (len(theta), 1))
+    soft = 4 * COMPLIANCE
+    for gain in (-0.5, 0.3):
+        as_it_is = load_state(robot(), TOOL, theta, wrench, soft)
+        others = load_state(robot(), TOOL, theta, wrench, soft / (1 + gain))
+        scaled_too = others.elastic_position + effect.contribution(others, None, np.array([gain]))[:, :3]
+        assert np.linalg.norm(as_it_is.elastic_position, axis=1).max() > 3e-3
+        assert_allclose(scaled_too, as_it_is.elastic_position, atol=1e-9)
+        in_proportion = (1 + gain) * others.elastic_position - as_it_is.elastic_position
+        assert np.abs(in_proportion).max() > 1e-6
