@@ -61,7 +61,7 @@ def cutting_coefficients(
     by what the logged forces pushed it, and cut less.
 
     settings as for `predict`; logged_with: the offsets.csv that the program had. Raises what `predict`, `cut_of` and
-    `read_offsets` raise; CompstiffError (CS4730) for a log that shows too little of the cut; what
+    `offsets_of_pass` raise; CompstiffError (CS4730) for a log that shows too little of the cut; what
     `check_in_the_stock` raises.
 
     >>> cell = compstiff.read_cell("cell.yaml")

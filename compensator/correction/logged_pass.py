@@ -15,7 +15,7 @@ from compensator.correction.cutting_prior import DEPTH_WIDTH, of_force, of_mater
 from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair, of_either_sign, posterior
 from compensator.correction.engagement import LoggedPass, across_feed, depth_logged, standing
 from compensator.correction.known_slot import known_slot, slot_of_passes
-from compensator.correction.pass_offsets import read_offsets
+from compensator.correction.pass_offsets import offsets_of_pass
 from compensator.correction.predict import Predicted, under_forces
 from compensator.correction.recorded import said_of_offsets
 from compensator.correction.settings import Estimate
@@ -35,12 +35,12 @@ DEEPEST = 0.2
 
 def logged_pass(planned: Predicted) -> tuple[LoggedPass, Predicted]:
     """As settings and cell say: the cutting stiffness stated, or that of two passes, or that of the material; and the program
-    with the log placed by its targets, whatever offsets it had. Raises what `read_offsets` and `pass_pair` raise, and what the
-    first pass's log raises; Refused (CS3117) where the force falls with the depth."""
+    with the log placed by its targets, whatever offsets it had. Raises what `offsets_of_pass` and `pass_pair` raise, and what
+    the first pass's log raises; Refused (CS3117) where the force falls with the depth."""
     settings = planned.settings.correction
     if planned.forces.unknown is not None:
         return LoggedPass(None, None, on_plan=True), planned
-    sent = read_offsets(settings.logged_with, planned.path) if settings.logged_with else None
+    sent = offsets_of_pass(settings.logged_with, planned) if settings.logged_with else None
     predicted = as_sent(planned, sent)
     offsets = None if sent is None else sent.over(planned.path)
     prior, findings = known_before(predicted, offsets)
@@ -58,11 +58,11 @@ def logged_pass(planned: Predicted) -> tuple[LoggedPass, Predicted]:
 
 def driven_as_said(predicted: Predicted) -> tuple[Finding, ...]:
     """What the positions in the log, and the record of the offsets, say of the offsets that the pass is said to have had,
-    --logged-with or none: as `said_of_positions`. Raises what `read_offsets` and `said_of_offsets` raise."""
+    --logged-with or none: as `said_of_positions`. Raises what `offsets_of_pass` and `said_of_offsets` raise."""
     logged_with = predicted.settings.correction.logged_with
     if logged_with is None:
         return said_of_positions(predicted, None)
-    sent = read_offsets(logged_with, predicted.path)
+    sent = offsets_of_pass(logged_with, predicted)
     return (*said_of_offsets(logged_with, predicted.program.source, predicted.cell.robot.name), *sent.findings,
             *said_of_positions(predicted, sent.over(predicted.path)))
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.predict import Predicted
 from compensator.path.robot_path import RobotPath
 from identification.common.added_targets import ADDED, ADDED_MM, added_of, added_offsets
 from identification.common.arrays import Array, read_only
@@ -50,6 +51,10 @@ class PassOffsets:
         start, end = length[kept[before - 1]], length[kept[before]]
         return PassOffsets(offset[kept], before, (length[added] - start) / np.maximum(end - start, NO_WAY), offset[added])
 
+    def without_added(self) -> PassOffsets:
+        """Of the planned program, whose offsets were pushed to it."""
+        return PassOffsets(self.given, self.before[:0], self.share[:0], self.added[:0], self.findings)
+
     def some(self, targets: Indices) -> PassOffsets:
         """At these targets (K,), ascending, and at the added ones of moves between two of them that follow each other."""
         row = np.clip(np.searchsorted(targets, self.before), 1, len(targets) - 1)
@@ -70,6 +75,11 @@ class PassOffsets:
     def offset(self) -> Array:
         """(N + A, 3) [m] in this order."""
         return self.in_order(self.given, self.added)
+
+    def at(self, path: RobotPath, place: Array) -> Array:
+        """At path lengths (n,) [m] of the planned program: (n, 3) [m]."""
+        where = self.length(np.maximum.accumulate(np.nan_to_num(path.length)))
+        return np.column_stack([np.interp(place, where, axis) for axis in self.offset.T])
 
     def over(self, path: RobotPath, kept: Indices | None = None) -> Array:
         """Means (W, 3) [m] over half the way to the neighbours of each target of a path in which the targets as given stand at
@@ -99,8 +109,26 @@ class PassOffsets:
         return np.where(way > NO_WAY, np.diff(integral, axis=0) / np.maximum(way, NO_WAY), there)
 
 
+def offsets_of_pass(file: Path, predicted: Predicted) -> PassOffsets:
+    """Those of the corrected program, as its offsets.csv has them; or, where its log shows so, of the planned one to which its
+    own were pushed: the added targets were not driven then. A log that tells neither places nor targets is taken to be of the
+    corrected program. Raises what `read_offsets` raises."""
+    offsets, log, path = read_offsets(file, predicted.path), predicted.forces.log, predicted.path
+    if not len(offsets.before):
+        return offsets
+    pushed = offsets.without_added()
+    if log.key == "target":
+        return offsets if any(finding.code == "CS4127" for finding in log.findings) else pushed
+    if log.beside is None or path.axes.driven:
+        return offsets
+    placed = np.isfinite(log.place) & np.isfinite(log.beside).all(axis=1)
+    beside = path.axes.world_from_base.inverse().turn(log.beside[placed])
+    away = [float(np.sum((each.at(path, log.place[placed]) - beside) ** 2)) for each in (offsets, pushed)]
+    return offsets if away[0] <= away[1] else pushed
+
+
 def read_offsets(file: Path, path: RobotPath) -> PassOffsets:
-    """What the program had in a pass: an offsets.csv of this program.
+    """What the corrected program has: an offsets.csv of this program.
 
     Raises CompstiffError: CS4121 the file belongs to another program, or tells of its added targets what it cannot; and what
     `read_table` raises.

@@ -12,7 +12,7 @@ from compensator.correction.fine_grid import Grid, fine_grid
 from compensator.correction.grid_forces import forces_on
 from compensator.correction.grid_path import grid_path
 from compensator.correction.loaded_path import LoadedPath
-from compensator.correction.pass_offsets import PassOffsets, read_offsets
+from compensator.correction.pass_offsets import PassOffsets, offsets_of_pass
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
 from compensator.forces.placement import ForceLog, TargetForces
@@ -29,7 +29,7 @@ PIECE, SAMPLES = 2e-3, 8
 
 def places_between(predicted: Predicted) -> tuple[RobotPath, TargetForces, Array]:
     """The program with places along its long moves, the forces of its log there, and where the tool stood off its plan while
-    the log was taken (G, 3) [m], base frame. Raises what `read_offsets` raises."""
+    the log was taken (G, 3) [m], base frame. Raises what `offsets_of_pass` raises."""
     offsets, grid = _offsets(predicted), _grid(predicted)
     if grid is None:
         aside = offsets.over(predicted.path)
@@ -62,7 +62,7 @@ def _offsets(predicted: Predicted) -> PassOffsets:
     """Those of the pass that was logged."""
     file = predicted.settings.correction.logged_with
     return (PassOffsets.at_targets(np.zeros((len(predicted.path.toolpath), 3))) if file is None else
-            read_offsets(file, predicted.path))
+            offsets_of_pass(file, predicted))
 
 
 def _grid(predicted: Predicted) -> Grid | None:

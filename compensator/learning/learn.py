@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from compensator.correction.logged_pass import driven_as_said
-from compensator.correction.pass_offsets import read_offsets
+from compensator.correction.pass_offsets import offsets_of_pass
 from compensator.correction.predict import predict
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Estimate, Settings
 from compensator.forces.placement import ForceLog
@@ -46,9 +46,9 @@ def learn(
     settings as for `predict`; scale: what was known of the factor in motion; logged_with: the offsets.csv that the program had
     in this pass. radius [m]: of the tool, where points are of the surface; within [m]: how far they may be from the path.
 
-    Raises what `predict`, `read_points`, `place_points` and `read_offsets` raise; Refused: CS5310 the measured deviation does
-    not follow the predicted, CS5311 the remainder is larger than what physics explains, CS5312 it is worse where it was not
-    learned.
+    Raises what `predict`, `read_points`, `place_points` and `offsets_of_pass` raise; Refused: CS5310 the measured deviation
+    does not follow the predicted, CS5311 the remainder is larger than what physics explains, CS5312 it is worse where it was
+    not learned.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -64,7 +64,7 @@ def learn(
     predicted = predict(cell, program, model, forces, plain)
     driven = driven_as_said(replace(predicted, settings=settings))
     placed = place_points(points, predicted, radius, within)
-    rows = rows_of(points, placed, predicted, read_offsets(chosen.logged_with, predicted.path) if chosen.logged_with else None)
+    rows = rows_of(points, placed, predicted, offsets_of_pass(chosen.logged_with, predicted) if chosen.logged_with else None)
     told = rows.seen(predicted.prediction.position)[:, 0]
     refuse_wrong_axes(rows, rows.value, told, points.source)
     wide = Estimate(1.0, max(MOTION, cell.motion.compliance_std))
