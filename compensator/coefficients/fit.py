@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from compensator.coefficients.fitted import FittedCoefficients
 from compensator.coefficients.next_cut import next_cut
+from compensator.coefficients.stock_top import by_top, said_of_the_top, too_large
 from compensator.correction.logged_pass import driven_as_said
 from compensator.correction.places_between import on_half_ways, places_between
 from compensator.correction.predict import Predicted, predict, read_log
@@ -50,7 +51,6 @@ OF_TABLE, AS_OF = (0.35, 2.5), (0.6, 1.6)
 # A stock stands aside by no more than so many of its standard deviations: three directions do by chance in under one of a
 # hundred programs.
 MOST_ASIDE = 3.0
-A_MILLIMETRE = 1e-3
 
 
 def cutting_coefficients(
@@ -102,22 +102,15 @@ def cutting_coefficients(
     depth = float(np.median(cut.engagement.depth[cut.engagement.cuts]))
     noise = float(np.hypot(found.floor, 0.5))
     further = next_cut(coefficients.mean, found.covariance, cut.cutter, depth, float(np.median(chip)), noise)
+    top = by_top(cut, found.mean)
     said = said_of_the_fit(found.mean, found.aside, cut.left.position_std, placed, used)
     findings = (*predicted.findings, *driven_as_said(predicted), *cut.findings(), *assumed, *said,
                 *said_of_the_forces(rows, found, predicted.forces.log.source),
+                *said_of_the_top(top, used, rows, found, (mean, covariance), predicted.forces.log.source),
                 *said_of_the_material(found, material, float(np.median(chip)), predicted.forces.log.source))
     of_table = share_of_table(found, material, float(np.median(chip)))
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings, of_table,
-                              _were_the_top_higher(rows, found, blank.position_std))
-
-
-def _were_the_top_higher(rows: ForceRows, found: ForcePosterior, position_std: float) -> float | None:
-    """The share by which Ktc is too large were the top of the stock A_MILLIMETRE higher than its file says, as with the tool so
-    much deeper; None where the file says that it stands just there."""
-    if not rows.aside.shape[2]:
-        return None
-    more = -A_MILLIMETRE / position_std * rows.aside[:, :, 2]
-    return float(np.einsum("ni,ni->", found.gain[0], more) / abs(found.mean[0]))
+                              too_large(top, used, found))
 
 
 def _held_against(predicted: Predicted, blank: Blank, rpm: float | None) -> tuple[Cut, TargetForces, ForceRows, Flags]:

@@ -3,6 +3,7 @@ yields has cut below its level when it comes by again."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -29,8 +30,11 @@ LEFT, RIGHT, DEEP, RATE = 985.0, 1135.0, 3.0, 200.0
 PASSES = {-70.0: 18.0, -35.0: 36.0, 0.0: 54.0, 35.0: 36.0, 70.0: 18.0}
 
 
-def job(folder: Path, by: str, passes: dict[float, float] | None = None, right: float = RIGHT) -> tuple[Path, Path]:
-    """Slots to and fro by one MoveL each, and their log: the mean force of the end mill where its axis is over the block."""
+def job(
+    folder: Path, by: str, passes: dict[float, float] | None = None, right: float = RIGHT, levels: int = 1,
+) -> tuple[Path, Path]:
+    """Slots to and fro by one MoveL each, and their log: the mean force of the end mill where its axis is over the block. On
+    so many levels, each as deep."""
     rng, moves, rows = np.random.default_rng(3), [], []
     place, count, time = np.array([LEFT, -70.0, 630.0]), 0, 0.0
 
@@ -51,13 +55,14 @@ def job(folder: Path, by: str, passes: dict[float, float] | None = None, right: 
 
     go(*place, 200.0)
     go(LEFT, -70.0, 625.0, 200.0)
-    for number, (y, feed) in enumerate((passes or PASSES).items()):
+    for number, (y, feed, level) in enumerate((y, feed, 1 + level) for y, feed in (passes or PASSES).items()
+                                              for level in range(levels)):
         mill = EndMill(runout_mm=(0.0, 0.0, 0.0), feed_mm_s=feed)
         along, left, up = mill.mean_force(mill.coverage(np.full(len(mill.rim_mm), 10.0)), DEEP)
         way = 1 if number % 2 == 0 else -1
         go(place[0], y, 620.0, 200.0)
-        go(place[0], y, 600 - DEEP, 200.0)
-        go(right if way > 0 else LEFT, y, 600 - DEEP, feed, np.array([way * along, way * left, up]))
+        go(place[0], y, 600 - level * DEEP, 200.0)
+        go(right if way > 0 else LEFT, y, 600 - level * DEEP, feed, np.array([way * along, way * left, up]))
         go(place[0], y, 620.0, 200.0)
     head = ('PERS tooldata tSpindle:=[TRUE,[[120,0,250],[1,0,0,0]],[80,[0,0,120],[1,0,0,0],0,0,0]];\nPROC main()\n')
     program, log = folder / "slots.mod", folder / "forces.csv"
@@ -66,10 +71,12 @@ def job(folder: Path, by: str, passes: dict[float, float] | None = None, right: 
     return program, log
 
 
-def coefficients(folder: Path, program: Path, log: Path, stiffness: float) -> compstiff.FittedCoefficients:
-    """On an arm of these springs [N m/rad]."""
+def coefficients(
+    folder: Path, program: Path, log: Path, stiffness: float, top: float = 600.0
+) -> compstiff.FittedCoefficients:
+    """On an arm of these springs [N m/rad]; top [mm]: of the stock, as its file says."""
     (folder / "cell.yaml").write_text(CELL)
-    (folder / "stock.yaml").write_text(STOCK)
+    (folder / "stock.yaml").write_text(STOCK.replace("600]", f"{top}]"))
     cell = compstiff.read_cell(folder / "cell.yaml")
     springs = IdentifiedModel(cell.robot, cell.flange_from_tcp, -np.log(np.full(6, stiffness)), np.eye(6) * 1e-4)
     return compstiff.cutting_coefficients(cell, compstiff.read_toolpath(program, cell), folder / "stock.yaml", springs, log,
@@ -133,6 +140,28 @@ def test_layers_stay_few_and_those_of_a_box_are_one() -> None:
     assert more.inside.strides[0] == 0
     assert np.all(np.diff(more.height) > 0)
     assert more_layers(stock, 1e-3 * rng.uniform(-19, -1, 5000), np.full(5000, 1e-4), 0.05e-3) is stock
+
+
+def test_a_stock_that_was_thinner_than_its_file_says(tmp_path: Path) -> None:
+    """On two levels the log tells it; on one, where the same forces are those of a softer material, what it would mean is
+    said, and is what comes out."""
+    two = job(tmp_path, "position", levels=2)
+    found = coefficients(tmp_path, *two, 1e9, top=601.0)
+    (said,) = [finding for finding in found.findings if finding.code == "CS4751"]
+    how_far = re.search(r"about ([\d.]+) mm (\w+)", said.message)
+    assert how_far is not None
+    assert 0.7 < float(how_far[1]) < 1.4
+    assert how_far[2] == "lower"
+    as_it_is = coefficients(tmp_path, *two, 1e9)
+    assert "CS4751" not in {finding.code for finding in as_it_is.findings}
+    # Half of the path reaches the top.
+    assert as_it_is.higher is not None
+    assert 0.05 < as_it_is.higher < 0.3
+    one = job(tmp_path, "position")
+    thick, right = (coefficients(tmp_path, *one, 1e9, top=top) for top in (600.3, 600.0))
+    assert "CS4751" not in {finding.code for finding in thick.findings}
+    assert right.higher is not None
+    assert 1 - thick.coefficients.mean[0] / right.coefficients.mean[0] == pytest.approx(0.3 * right.higher, rel=0.3)
 
 
 def test_a_dozen_places_of_one_slot_say_how_much_they_tell() -> None:
