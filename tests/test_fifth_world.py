@@ -105,7 +105,7 @@ def test_what_had_been_noise_or_another_gear_is_named(
     one, hidden, _, _, _ = case(cause, rng)
     written(one, table_of(one, hidden, rng), sheet_of(one, rng), {"cause": cause.name}, tmp_path / "case")
     cell = compstiff.read_cell(tmp_path / "case" / "cell.yaml")
-    found = compstiff.diagnose(cell, compstiff.read_measurements(tmp_path / "case" / "measurements.csv", cell))
+    found = compstiff.diagnose(cell, compstiff.read_measurements(tmp_path / "case" / "measurements.csv", cell), replicates=39)
     assert found.verdict == verdict
     named = [cause.label for cause in found.judgement.causes] or [mistake.key for mistake in found.judgement.mistakes]
     assert named == [name]
@@ -117,7 +117,7 @@ def test_a_wrong_angle_is_not_a_gear_that_explains_some_of_it(tmp_path: Path) ->
     one, hidden, _, _, _ = case(mistyped, rng)
     written(one, table_of(one, hidden, rng), sheet_of(one, rng), {"cause": mistyped.name}, tmp_path / "case")
     cell = compstiff.read_cell(tmp_path / "case" / "cell.yaml")
-    found = compstiff.diagnose(cell, compstiff.read_measurements(tmp_path / "case" / "measurements.csv", cell))
+    found = compstiff.diagnose(cell, compstiff.read_measurements(tmp_path / "case" / "measurements.csv", cell), replicates=39)
     bad, = found.judgement.bad_visits
     assert found.verdict == "named"
     assert found.judgement.causes == ()

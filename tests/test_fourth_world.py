@@ -21,7 +21,7 @@ def diagnosed(cause: str, seed: int, folder: Path) -> dict[str, Any]:
     judge = ROOT / "benchmarks" / "fourth_world.py"
     subprocess.run([sys.executable, judge, "1", str(seed), folder, "--only", cause], check=True, capture_output=True)
     files = [str(folder / "000" / name) for name in ("cell.yaml", "measurements.csv")]
-    result = CliRunner().invoke(compstiff, ["diagnose", *files, "-o", str(folder / "diagnosis.json")])
+    result = CliRunner().invoke(compstiff, ["diagnose", *files, "-o", str(folder / "diagnosis.json"), "--replicates", "39"])
     assert result.exit_code == 0, result.output
     return dict(json.loads((folder / "diagnosis.json").read_text()))
 

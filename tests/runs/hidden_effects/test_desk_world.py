@@ -13,6 +13,7 @@ import pytest
 import compstiff
 from identification.diagnosis.diagnose import Diagnosis
 from tests.desk_world import TERMS, Desk, desk
+from tests.runs.hidden_effects.hide_and_diagnose import REPLICATES
 
 # Shares of the deflection: a third to two thirds, and as usual.
 SHARES, USUAL = (0.3, 0.7), (0.08, 0.25)
@@ -32,7 +33,7 @@ def found_at(seed: int, term: str, shares: tuple[float, float]) -> tuple[Desk, D
     with tempfile.TemporaryDirectory() as name:
         cell_file, table = case.write(Path(name))
         cell = compstiff.read_cell(cell_file)
-        return case, compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot))
+        return case, compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot), replicates=REPLICATES)
 
 
 @pytest.mark.parametrize("term", [pytest.param(term, marks=[pytest.mark.long] * (term in TOLD)) for term in TERMS])
@@ -106,6 +107,6 @@ def test_re_seating_that_nobody_stated_is_not_without_end(tmp_path: Path) -> Non
     rows[:, 9:12] += shift[case.poses]
     cell_file, table = replace(case, rows=rows).write(tmp_path)
     cell = compstiff.read_cell(cell_file)
-    found = compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot))
+    found = compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot), replicates=REPLICATES)
     assert found.verdict != "adequate"
     assert any("re-seating (3 um is usual)" in finding.message for finding in found.findings if finding.code == "CS1403")

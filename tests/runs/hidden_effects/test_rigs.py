@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import compstiff
+from tests.runs.hidden_effects.hide_and_diagnose import REPLICATES
 from tests.runs.mistakes.planted import Files, right
 
 
@@ -48,6 +49,6 @@ def heated_and_cooled(case: Files) -> Files:
 def test_it_is_named(hide: Callable[[Files], Files], label: str, tmp_path: Path) -> None:
     cell_file, table = hide(right(2440001)).write(tmp_path)
     cell = compstiff.read_cell(cell_file)
-    found = compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot))
+    found = compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot), replicates=REPLICATES)
     assert found.verdict == "named"
     assert [cause.label for cause in found.causes] == [label]
