@@ -111,6 +111,9 @@ def test_what_had_been_noise_or_another_gear_is_named(
     assert named == [name]
 
 
+# Long: a pose with a wrong angle is named in tests/identification/fit/test_laws_visits.py, and by its odds in
+# test_laws_wrong_angle.py there.
+@pytest.mark.long
 def test_a_wrong_angle_is_not_a_gear_that_explains_some_of_it(tmp_path: Path) -> None:
     """Axis 2 is 2.9 degrees off at one pose (11 sigma): gear 5 as one that softens had been named, by far less evidence."""
     mistyped, rng = next(cause for cause in CAUSES if cause.name == "angle_mistyped"), np.random.default_rng([53000, 18])

@@ -38,6 +38,9 @@ def test_it_is_named(cause: str, seed: int, effect: str, tmp_path: Path) -> None
     assert [one["effect"] for one in found["causes"]] == [effect]
 
 
+# Long: visits that are off are found in tests/identification/fit/test_laws_visits.py; forces set up anew hide no mistake in
+# tests/second_cell/test_answers.py.
+@pytest.mark.long
 def test_two_visits_that_are_off_hide_behind_no_forces_set_up_anew(tmp_path: Path) -> None:
     """Somebody stood on the floor while their loads were read; their unloaded readings say that the zero stayed."""
     found = diagnosed("someone_stands", 6116, tmp_path)

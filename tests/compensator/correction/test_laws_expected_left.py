@@ -67,7 +67,7 @@ def test_a_force_that_turns_with_each_straight_move_leaves_a_saw_tooth() -> None
     assert found[2:-2] == pytest.approx(np.mean(left), rel=0.1)
 
 
-@pytest.mark.parametrize("allowance", [0.8, 1.5])
+@pytest.mark.parametrize("allowance", [0.8, pytest.param(1.5, marks=pytest.mark.long)])
 def test_a_stated_depth_tells_the_cutting_stiffness_of_the_end_mill(tmp_path: Path, allowance: float) -> None:
     """How the push across of the virtual cell's own end mill grows at the wall; the tool that was logged stood aside."""
     job = MillingJob(tmp_path, 4, design="poses20", part=slot_and_pocket(spacing_mm=1.5, allowance_mm=allowance))

@@ -22,7 +22,7 @@ from identification.model.cell import read_cell
 @pytest.fixture(scope="module")
 def jobs(tmp_path_factory: pytest.TempPathFactory) -> list:
     folder = tmp_path_factory.mktemp("passes")
-    generators = [np.random.default_rng((19, number)) for number in range(8)]
+    generators = [np.random.default_rng((19, number)) for number in range(5)]
     return [written(drawn(rng), folder, rng) for rng in generators]
 
 
@@ -49,7 +49,7 @@ def test_a_pass_in_the_air_is_told(jobs: list, tmp_path: Path) -> None:
         if (~moves_in_air(path.toolpath)).sum() > 60:
             assert "CS3077" in said(path, time, place, rng.normal(0, 2, force.shape) + drift, tmp_path)
             told += 1
-    assert told > 3
+    assert told > 2
 
 
 @pytest.mark.parametrize(("climbs", "side"), [(True, 1), (False, -1)])

@@ -52,6 +52,8 @@ def test_the_sample_is_placed_within_millimetres(
     assert np.median(alignment.std) < 0.3
 
 
+# Long: logs of other jobs and of another raster are refused below.
+@pytest.mark.long
 def test_another_programs_log_is_not_believed() -> None:
     plan, force, place = sample_log()
     program = program_time(plan)
@@ -59,6 +61,9 @@ def test_another_programs_log_is_not_believed() -> None:
     assert not align(other_lengths(program, np.random.default_rng(5)), logged, force).believed
 
 
+# Long: each of its three doubts refuses alone in test_each_doubt_alone_refuses, and what it explains as one plateau is held
+# in test_the_best_plateau_is_the_best_of_all.
+@pytest.mark.long
 def test_one_long_cut_of_another_job_has_no_rival_and_is_refused() -> None:
     """A stretched turning log: air, 820 N in one direction for 264 s, air. It explains four fifths of its own variance and is
     alone in its place, so that nothing was compared; the program's air moves would lie under 820 N."""
@@ -117,7 +122,7 @@ def test_the_best_plateau_is_the_best_of_all() -> None:
 
 @pytest.mark.parametrize(("job", "seed"), [
     pytest.param("turning", 21, marks=pytest.mark.long), pytest.param("one cut", 22, marks=pytest.mark.long),
-    ("pocketing", 23), ("drilling", 24)])
+    ("pocketing", 23), pytest.param("drilling", 24, marks=pytest.mark.long)])
 def test_logs_of_other_jobs_are_refused(job: str, seed: int) -> None:
     """Stretched, cut, scaled; the benchmark has the figures over many."""
     program = raster()
@@ -191,6 +196,8 @@ def test_what_counts_as_air() -> None:
     assert air_moves(np.array([0.04, 0.05, 0.06]), np.zeros(3, dtype=bool)).tolist() == [False] * 3
 
 
+# Long: the same is asked of a log of a program with a branch in test_laws_time_branches.py.
+@pytest.mark.long
 def test_the_doubt_of_the_place_is_part_of_the_prediction(sample_inputs: Inputs, sample: Corrected, tmp_path: Path) -> None:
     """The correction by time differs from that by position by no more than it says."""
     log, plan = pq.read_table(sample_inputs.forces), sample.predicted.path

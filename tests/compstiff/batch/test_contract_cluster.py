@@ -247,6 +247,8 @@ def test_a_deadly_program_is_blamed_alone(place: Shop, monkeypatch: pytest.Monke
     assert [finding.code for finding in results[0].findings] == ["CS6010"]
 
 
+# Long: the deadly program is blamed alone above, and all others are corrected there.
+@pytest.mark.long
 def test_who_was_under_way_beside_it_is_tried_again(place: Shop) -> None:
     batch = paired(place.put("a", "b", "c"), None, Folders(place.folder))
     done = list(in_processes(deque(batch), dies_at_a, 2, lambda: False))

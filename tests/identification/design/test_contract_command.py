@@ -261,6 +261,8 @@ def test_a_toolpath_of_the_cam_system_plans_like_a_program(written, tmp_path):
     assert "(1175, 0, 655)" in content["place"]
 
 
+# Long: that demand is kept and certified in test_laws_certificate.py, and every option of the command written out above.
+@pytest.mark.long
 def test_the_papers_plan(written, tmp_path):
     """One position, four poses, three loads along y and two along x, +-300 N; raw k."""
     cell = read_cell(written[0] / "cell.yaml")

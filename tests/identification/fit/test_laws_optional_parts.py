@@ -71,7 +71,7 @@ def evidence(residual: np.ndarray, design: np.ndarray, setups: np.ndarray | None
 
 # Long: between its neighbours.
 @pytest.mark.parametrize(("setup", "sized"), [
-    (0.0, False), pytest.param(2.0, False, marks=pytest.mark.long), (5.0, False), (5.0, True)])
+    (0.0, False), *(pytest.param(size, False, marks=pytest.mark.long) for size in (2.0, 5.0)), (5.0, True)])
 def test_each_way_weighs_what_it_is_worth(setup: float, sized: bool) -> None:
     rng, model = np.random.default_rng(12), noise()
     design = rng.normal(size=(COUNT, 3, 2))

@@ -172,7 +172,8 @@ def random_walk(cell: Cell, rows: Measurements, start: np.ndarray, stated: bool 
     return np.concatenate(kept)
 
 
-@pytest.mark.parametrize(("text", "stated", "noise"), [(WHITE, None, (2e-6, 0, 0)), (FULL, True, (2e-6, 0.01, 5e-6))])
+@pytest.mark.parametrize(("text", "stated", "noise"), [
+    pytest.param(WHITE, None, (2e-6, 0, 0), marks=pytest.mark.long), (FULL, True, (2e-6, 0.01, 5e-6))])
 def test_five_loads_against_a_random_walk(tmp_path, text, stated, noise) -> None:
     """Fifteen readings must tell six stiffnesses and the noise: widths, intervals and ellipsoid of the posterior as it is."""
     cell, rows = five_loads(tmp_path, text, 2, noise)

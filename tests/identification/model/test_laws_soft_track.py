@@ -65,7 +65,8 @@ def test_it_is_named_where_it_is_hidden_and_carried_on(tmp_path: Path) -> None:
     """The extended file is not read in a cell without a track: it would be taken for nothing."""
     case = simulate(612, "poses20", [Hidden("soft_track", None, 2.0)])
     files = with_track(case, tmp_path)
-    done = kit.run("diagnose", *files, "-o", tmp_path / "diagnosis.json", "--extended", tmp_path / "stiffness.json", *FEW, "--json")
+    done = kit.run("diagnose", *files, "-o", tmp_path / "diagnosis.json", "--extended", tmp_path / "stiffness.json", *FEW,
+                   "--json")
     assert done.code == 0, done
     found = json.loads((tmp_path / "diagnosis.json").read_text())
     assert found["verdict"] == "named", found["verdict"]

@@ -70,6 +70,9 @@ def test_what_init_writes_is_checked_sound(cell: Path) -> None:
     assert "the sheet is empty" in early.err
 
 
+# Long: the tutorial goes the same way through the Makefile (tests/test_documentation.py), and a corrected program lands in
+# test_demo.py.
+@pytest.mark.long
 def test_the_chain_from_the_plan_to_a_part_that_lands(cell: Path) -> None:
     """From plan to correction through the Makefile; the loaded arm is where it was meant to be."""
     planned = make(cell, "plan", "RUNS=4", "KEPT_BACK=1")

@@ -84,7 +84,8 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell, Measuremen
 # (identification/diagnosis/test_laws_procedure.py).
 @pytest.mark.parametrize(("p_value", "odds", "far", "strains", "verdict"), [
     pytest.param(0.02, None, 1.0, False, "named", marks=pytest.mark.long), (0.02, 6.0, 1.0, False, "unknown"),
-    pytest.param(0.2, None, 1.0, False, "named", marks=pytest.mark.long), (0.2, 6.0, 1.0, False, "adequate"),
+    pytest.param(0.2, None, 1.0, False, "named", marks=pytest.mark.long),
+    pytest.param(0.2, 6.0, 1.0, False, "adequate", marks=pytest.mark.long),
     pytest.param(0.4, None, 1.0, False, "adequate", marks=pytest.mark.long),
     pytest.param(0.4, None, 1.0, True, "named", marks=pytest.mark.long),
     pytest.param(0.4, 6.0, 1.0, True, "adequate", marks=pytest.mark.long),

@@ -119,6 +119,8 @@ def test_stated_numbers_are_worth_what_was_told(
     assert told(everything, "--tighten-zones") == pytest.approx(taken(job, log, tolerance=2.5e-6, tighten_zones=True), rel=1e-6)
 
 
+# Long: what numbers and another place are worth is asked of the same list above and below.
+@pytest.mark.long
 def test_another_pass_is_worth_what_was_told(
     job: MillingJob, log: Path, budget: Budget, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -143,7 +143,7 @@ def test_the_program_as_it_is_yields_and_cuts_less(tmp_path: Path) -> None:
     ({}, "CS4740", "they agree"), ({"edge_n_mm": (55.4, 53.2, 0.7)}, "CS4741", "worn edges"),
     long({"feed_mm_s": 25.2}, "CS4741 CS4742", "feed of"),
     long({"runout_mm": (0.024, 0.0, 0.0)}, "CS4740 CS4741 CS4742", "run out"),
-    ({"shear_n_mm2": (1073.8, 236.3, 310.8), "edge_n_mm": (38.8, 37.2, 1.0)}, "CS4741", "another material")])
+    long({"shear_n_mm2": (1073.8, 236.3, 310.8), "edge_n_mm": (38.8, 37.2, 1.0)}, "CS4741", "another material")])
 def test_a_log_beside_the_stock(shop: Shop, fitted: dict[str, Any], tmp_path: Path, changed: dict[str, Any], code: str,
                                 words: str) -> None:
     """What was changed in the virtual cell since A was logged is named from a log of B."""

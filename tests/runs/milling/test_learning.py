@@ -98,6 +98,9 @@ def test_the_second_part_is_better_than_a_mirrored_one(
     assert again < mirror
 
 
+# Long: the second part does above, and the springs in motion are what carries over to another: they are learned in
+# test_it_learns_the_truth; benchmarks/learning.py has more parts.
+@pytest.mark.long
 def test_another_part_gets_better_too(both: Both, stiffness: Path, learned: Path) -> None:
     other = both.other
     log = other.log(other.first, other.planned, "pass1.csv")
@@ -108,6 +111,9 @@ def test_another_part_gets_better_too(both: Both, stiffness: Path, learned: Path
     assert nothing < 0.97 * unlearned
 
 
+# Long: a log of a corrected pass without its offsets is told in test_silent_cutting.py, what the file is made of in
+# tests/compensator/learning.
+@pytest.mark.long
 def test_a_corrected_part_teaches_with_the_offsets_it_was_milled_with(
     job: ErringJob, stiffness: Path, log: Path, tmp_path: Path, plain: tuple[Correction, float, float]
 ) -> None:
