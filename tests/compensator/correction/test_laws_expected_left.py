@@ -87,6 +87,9 @@ def test_a_stated_depth_tells_the_cutting_stiffness_of_the_end_mill(tmp_path: Pa
     assert found.std < 0.35 * found.value
 
 
+# Long: that nothing climbs in a slot is asked below, and the slot that is left alone in
+# tests/runs/milling/test_milling_loop.py.
+@pytest.mark.long
 def test_what_is_known_of_a_wall_is_not_said_of_a_slot(tmp_path: Path) -> None:
     """What the growing force really leaves in the slot, the force of the first pass held against it, and what is stated."""
     job = MillingJob(tmp_path, 4, design="poses20")

@@ -97,7 +97,7 @@ def test_the_stl_of_a_box_is_the_box(tmp_path: Path, form: str, y: float) -> Non
 
 @pytest.mark.parametrize(("kind", "turned_deg"), [
     ("round", 27.0), long("round", 0.0),
-    ("hole", 0.0), long("hole", 27.0), long("leaning", 0.0), ("leaning", 27.0), ("lying", 0.0),
+    ("hole", 0.0), long("hole", 27.0), long("leaning", 0.0), long("leaning", 27.0), ("lying", 0.0),
     long("lying", 27.0)])
 def test_the_force_is_that_of_a_sum_over_the_edge(tmp_path: Path, kind: str, turned_deg: float) -> None:
     """Across the blank, 4 mm deep, off its middle: entry, plateau, hole and exit."""

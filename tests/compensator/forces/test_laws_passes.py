@@ -85,6 +85,8 @@ def test_a_log_of_routines_in_another_order_is_late_or_slow_all_the_same(sample_
     assert told == [set(), {"CS3073"}, {"CS3072"}]
 
 
+# Long: other jobs, late and turned, above.
+@pytest.mark.long
 def test_the_samples_log_late_and_turned(sample_inputs: Inputs) -> None:
     cell = read_cell(sample_inputs.cell)
     path = robot_path(read_rapid(sample_inputs.toolpath.read_bytes(), "insert.mod").toolpath, cell)

@@ -5,7 +5,7 @@ import pytest
 from compensator.upload import session
 from tests.compensator.upload.fault_runs import Bench
 
-SHARE = 41
+SHARE = 83
 
 
 @pytest.mark.parametrize("generation", [1, 2])

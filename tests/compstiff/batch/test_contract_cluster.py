@@ -86,6 +86,8 @@ def test_the_same_bytes_and_a_worker_that_dies_takes_nothing_with_it(place: Shop
                 for line in again.stdout.splitlines()] == [["CS0003"]] * len(names)
 
 
+# Long: a worker that dies takes nothing with it above.
+@pytest.mark.long
 def test_a_worker_lost_right_after_its_result_came(place: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
     """The scheduler's word that the data are lost follows the data themselves."""
     place.put("a", "b")

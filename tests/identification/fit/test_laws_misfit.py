@@ -179,6 +179,9 @@ def mistaken(rows: Measurements, kind: str) -> Measurements:
     return replace(rows, wrench=wrench, deflection=deflection, theta=theta)
 
 
+# Long: `identify` refuses files with other mistakes in tests/runs/mistakes/test_mistakes.py, where a sign is named by
+# `diagnose`.
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["the sign of fy", pytest.param("dy and dz swapped", marks=pytest.mark.long)])
 def test_clear_mistakes_of_people_are_refused(kind: str, tmp_path: Path) -> None:
     cell, rows = read(simulate(720, "ladder12"), tmp_path)
@@ -187,6 +190,9 @@ def test_clear_mistakes_of_people_are_refused(kind: str, tmp_path: Path) -> None
     assert refused.value.findings[0].code == "CS1700"
 
 
+# Long: rejected springs have no reliable grade in test_what_springs_cannot_do_rejects_them; that a zero is a mistake,
+# tests/second_cell/test_answers.py.
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["a zero of joint 2"])
 def test_mistakes_of_people_are_not_reliable(kind: str, tmp_path: Path) -> None:
     """Tables with an ordinary mistake give stiffnesses that are wrong by a tenth and more, and none is called reliable."""
@@ -203,10 +209,11 @@ def test_many_light_rows_are_one_finding(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     off = rng.permutation(len(case.deflection_um))[:60]
     case.deflection_um[off] += 80 * rng.standard_normal((60, 3))
-    fit = fitted(case, tmp_path)
+    cell, rows = read(case, tmp_path)
+    fit = fit_stiffness(cell, first(rows, 6))
     kept = np.isin(fit.measurements.row, fit.posterior.data.rows.row)
     light = int(np.sum(fit.row_weight[kept] < 0.3))
-    assert light > 20
+    assert light > 12
     told = [finding for finding in fit.findings if finding.code == "CS1015"]
     assert len(told) == 1
     assert f"{light} of" in told[0].message

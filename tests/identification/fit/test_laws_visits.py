@@ -131,6 +131,8 @@ def test_what_drags_or_sticks_at_a_pose_is_found_there(design: str, seed: int, h
     assert [score.name for score in test.bad] == [f"P{number}"]
 
 
+# Long: `diagnose` names a pose at which one reading is off below (CS1730), and leaves it out as the fit does above.
+@pytest.mark.long
 def test_diagnose_names_the_pose_and_judges_the_rest(tmp_path: Path) -> None:
     """Of twelve poses, each with every other row."""
     case = simulate(71007, "ladder12", noise=SHEET)
@@ -229,7 +231,7 @@ def test_a_wrong_angle_where_few_were_read_is_the_pose_s(tmp_path: Path) -> None
 @pytest.mark.parametrize("tails", [None, 4])
 def test_nothing_wrong_leaves_nothing_out(tails: int | None, tmp_path: Path) -> None:
     noise = replace(SHEET, degrees_of_freedom=tails)
-    for seed in range(71010, 71016):
+    for seed in range(71010, 71013):
         case = simulate(seed, "poses20", noise=noise)
         assert not bad_visits(posterior(LoadTest.of(*read(case, tmp_path)))).bad
 

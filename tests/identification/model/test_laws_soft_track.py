@@ -82,6 +82,8 @@ def test_it_is_named_where_it_is_hidden_and_carried_on(tmp_path: Path) -> None:
     assert stopped.value.findings[0].code == "CS4512"
 
 
+# Long: where it is missing is asked of every kind of cell above.
+@pytest.mark.long
 def test_it_is_not_offered_where_there_is_no_track(tmp_path: Path) -> None:
     """And what is left is not given to it."""
     files = with_track(simulate(612, "poses20", [Hidden("soft_track", None, 2.0)]), tmp_path, "")

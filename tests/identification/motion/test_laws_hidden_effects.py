@@ -25,7 +25,7 @@ def of_case(seed: int, *faults: tuple[str, float]) -> AxisDiagnosis:
     with TemporaryDirectory() as name:
         fitted = read_motion_log(write(Path(name) / "fitted.csv", columns(seed, dict(faults))))
         other = read_motion_log(write(Path(name) / "other.csv", columns(1000 + seed, dict(faults))))
-        return diagnose_axes([fitted], other)[0]
+        return diagnose_axes([fitted], other, replicates=49)[0]
 
 
 def diagnosed(seed: int, faults: dict[str, float]) -> AxisDiagnosis:

@@ -125,6 +125,8 @@ def test_a_zero_that_moves_changes_no_name(tmp_path: Path, faults: dict[str, flo
     assert abs(shift.shift + np.radians(0.14)) < 4 * shift.std
 
 
+# Long: one shift within what it states is asked above.
+@pytest.mark.long
 def test_the_interval_of_a_zero_s_shift_holds(tmp_path: Path) -> None:
     """95 % intervals of 10 pairs of records under noise that lasts."""
     hit = 0

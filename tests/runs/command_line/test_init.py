@@ -130,7 +130,7 @@ def test_a_plan_that_was_filled_in_is_not_written_over(cell: Path) -> None:
 
 
 def test_the_filled_plan_is_saved_where_the_chain_reads_it(cell: Path, tmp_path: Path) -> None:
-    result = kit.run("design", cell / "cell.yaml", "--quick", "--measurements", "2", "-o", tmp_path / "plan.csv")
+    result = kit.run("design", cell / "cell.yaml", "--quick", "--measurements", "1", "--axes", "z", "-o", tmp_path / "plan.csv")
     # Where the chain of `init` looks for it.
     assert f"-o {tmp_path / 'stiffness.json'}" in result.err
     table = tmp_path / "measurements.csv"

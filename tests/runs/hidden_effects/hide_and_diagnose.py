@@ -85,13 +85,14 @@ _kept = cache(run_anew)
 
 @dataclass(frozen=True)
 class Place:
-    """Where the ladder design can see an effect, and what else looks most like it there. long: a faster test, of the desk's
-    load tests or the second cell's, names this effect, too."""
+    """Where the ladder design, or half of its poses, can see an effect, and what else looks most like it there. long: a faster
+    test, of the desk's load tests or the second cell's, names this effect, too."""
 
     hidden: Hidden
     seed: int
     confounder: Hidden
     long: bool = False
+    design: str = "ladder12"
 
     @property
     def label(self) -> str:
@@ -100,10 +101,10 @@ class Place:
 
 def place(
     effect: str, joint: int | None, seed: int, confounder: str, at: int | None = None, factor: float = 1.5,
-    long: bool = False,
+    long: bool = False, design: str = "ladder12",
 ) -> Place:
     """A place; the confounder is hidden at the same joint where `at` does not say otherwise."""
-    return Place(Hidden(effect, joint, factor), seed, Hidden(confounder, at, factor), long)
+    return Place(Hidden(effect, joint, factor), seed, Hidden(confounder, at, factor), long, design)
 
 
 def check_answer(content: Mapping[str, Any]) -> None:

@@ -19,11 +19,12 @@ from tests.runs.hidden_effects.hide_and_diagnose import REPLICATES
 SHARES, USUAL = (0.3, 0.7), (0.08, 0.25)
 LARGE = ((1718000, "a gauge zero"), (1709001, "a base that slides"), (1706000, "drift without a clock"),
          (1715000, "one axis of the force"))
-# Long: large ones or others below are named by the same law, or another term here has the same name.
+# Long: large ones or others below are named by the same law, or another term here has the same name, or another file names it
+# (see test_what_takes_long_is_named_by_a_faster_test in test_answers.py).
 TOLD = {term for _, term in LARGE} | {
     "a tool pressed in", "a base that gives way upright too", "a base that rocks more to one side", "axes 4 and 5 coupled",
     "axes 5 and 6 coupled", "a sensor turned in its seat", "a gauge bumped", "an uneven gear", "a wave over the angle",
-    "a joint off later"}
+    "a joint off later", "a base that tips", "a gear softer near zero", "a force frame turned"}
 
 
 @cache

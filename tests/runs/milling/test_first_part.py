@@ -388,6 +388,8 @@ def test_a_batch_takes_logs_and_stocks(shop: Shop, fitted: dict[str, Any], tmp_p
     assert (record["stock"]["file"], record["blank"]["file"]) == ("b.stock.yaml", "b.blank.npz")
 
 
+# Long: a batch takes stocks above; what is taken again, tests/compstiff/batch/test_contract_watch.py.
+@pytest.mark.long
 def test_a_watch_takes_a_stock_and_another_one_again(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
     """Once for each content of the stock, what its file names included; then by the log that comes."""
     assert fitted["grades"]
@@ -418,6 +420,8 @@ def test_a_watch_takes_a_stock_and_another_one_again(shop: Shop, fitted: dict[st
     assert [len(line["stocks_sha256"]) for line in journal if line["event"] == "done"] == [1, 1, 1]
 
 
+# Long: that a gain is in the covariance of what is fitted is held in tests/identification/fit/test_laws_force_gain.py.
+@pytest.mark.long
 def test_an_uncertain_gain_of_the_sensor_is_in_the_coefficients_and_moves_none(shop: Shop, tmp_path: Path) -> None:
     """All six are as uncertain together as the gain: g^2 c c^T beside what the rows tell."""
     kept = {}

@@ -142,6 +142,8 @@ def test_a_corrected_part_teaches_with_the_offsets_it_was_milled_with(
     assert (other.code, "CS4121" in other.err) == (1, True)
 
 
+# Long: that the part gets better is asked above; this says that it could be otherwise.
+@pytest.mark.long
 def test_the_other_sign_would_make_it_worse(
     job: ErringJob, stiffness: Path, log: Path, learned: Path, plain: tuple[Correction, float, float]
 ) -> None:
@@ -183,6 +185,8 @@ def test_where_no_part_was_measured_nothing_is_added(job: ErringJob, stiffness: 
     assert found.job.as_dict()["expected_left_um"]["learned"] > 1.7 * width
 
 
+# Long: such points are learned from in test_silent_points.py.
+@pytest.mark.long
 def test_points_of_the_surface_along_their_normal(job: ErringJob, stiffness: Path, log: Path) -> None:
     points = job.measure(job.first, "normals.csv", along_normal=True)
     learning, output = job.learn(stiffness, log, points, radius=1e-3 * job.cutter.radius_mm, within=2e-3)

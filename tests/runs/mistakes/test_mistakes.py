@@ -272,6 +272,9 @@ def test_another_robot_of_the_same_maker_is_named(tmp_path: Path) -> None:
     assert "robot: irb7600-150-3.50" in (tmp_path / "mended.yaml").read_text()
 
 
+# Long: what angles were counted otherwise is told by the fit in tests/identification/fit/test_laws_mistakes.py, and another
+# robot is named and mended above.
+@pytest.mark.long
 def test_angles_from_ros_on_a_fanuc_are_named(tmp_path: Path) -> None:
     """There J3 is counted against the lower arm, not against the horizontal as on the pendant."""
     pendant = first(right(13, "m710ic-50"), 4)

@@ -21,12 +21,10 @@ from compensator.correction.settings import Settings
 from identification.common.packed import packed
 from identification.common.shipped import shipped
 from tests.runs.reports.browser import opened
-from tests.runs.reports.pages import VERDICTS
+from tests.runs.reports.pages import LIKE_ANOTHER, VERDICTS
 
 NAMES = ("correct", "predict", "budget", "identify", "diagnose", "verify", "corner", "design", "learn", "motion_identify",
          "motion_diagnose", *VERDICTS, "mistake")
-# Pages of the kind that another page has too are looked at with --long.
-LIKE_ANOTHER = ("predict", "named", "ambiguous")
 AXE = Path(__file__).parent / "vendor" / "axe.min.js"
 # The pixels of a canvas.
 PIXELS = """canvas => {
