@@ -122,6 +122,8 @@ def test_the_force_is_that_of_a_sum_over_the_edge(tmp_path: Path, kind: str, tur
     assert engaged.depth.max() == pytest.approx(4e-3, rel=0.02)
 
 
+# Long: the volume of each solid is that of its grid below.
+@pytest.mark.long
 def test_slices_hold_the_volume_of_the_solid(tmp_path: Path) -> None:
     """By the divergence theorem over the triangles, which the test wrote itself."""
     for kind, (faces, _) in blanks().items():

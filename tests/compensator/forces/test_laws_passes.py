@@ -65,6 +65,8 @@ def test_the_side_of_the_stock_by_the_order_of_the_passes(climbs: bool, side: in
     assert (found[1:4] == side).all()
 
 
+# Long: such logs are followed in tests/runs/command_line/test_followed_calls.py, late ones told above.
+@pytest.mark.long
 def test_a_log_of_routines_in_another_order_is_late_or_slow_all_the_same(sample_inputs: Inputs) -> None:
     """The way home stands in the text before the cut; the same log, as it is, late, and at half the feed."""
     lines = sample_inputs.toolpath.read_text().splitlines()

@@ -168,11 +168,9 @@ def test_a_name_within_two_deviations_of_nothing_is_none(tmp_path: Path) -> None
 
 def test_one_load_a_pose_shows_no_hysteresis(tmp_path: Path) -> None:
     """No load ever came back, so that nothing can have stayed behind: the name is not offered, and it is said."""
-    found = diagnosed(simulate(42, "poses20", [Hidden("backlash", 1, 2.0)]), tmp_path)
-    content = found.as_dict()
-    assert "hysteresis" in content["not_offered"]
-    assert all(one["effect"] != "hysteresis" for one in (*content["causes"], *content["alternatives"]))
-    assert {one["effect"] for one in (*content["causes"], *content["alternatives"])}
+    found = diagnosed(simulate(42, "poses20"), tmp_path)
+    assert "hysteresis" in found.as_dict()["not_offered"]
+    assert "backlash" not in found.as_dict()["not_offered"]
 
 
 # Long: the same of other joints and laws.

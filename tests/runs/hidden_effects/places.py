@@ -34,7 +34,7 @@ GEARS = (
 )
 STRUCTURE = (
     place("bearing_tilt", 1, 0, "base_rocking", long=True),
-    place("link_bending", 3, 1, "bearing_tilt", 3, long=True),
+    place("link_bending", 3, 0, "bearing_tilt", 3, design="ladder6"),
     place("base_rocking", None, 3, "bearing_tilt", 1, long=True),
     place("base_shift", None, 1, "base_rocking", long=True),
     place("force_sensor_compliance", None, 0, "bearing_tilt", 5, design="ladder6"),

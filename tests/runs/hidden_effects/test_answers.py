@@ -37,14 +37,14 @@ def test_every_effect_has_its_place() -> None:
 
 
 def test_what_takes_long_is_named_by_a_faster_test() -> None:
-    """By the desk's load tests, the second cell's (tests/second_cell/test_answers.py), the fifth judge's
-    (tests/test_fifth_world.py), in a pair below (a turned force, axes coupled), as the desk's play is told from it (a soft
-    zone), or in tests/identification/diagnosis: under hanging weights (test_laws_dead_weights.py), in machined passes (a
-    bearing, test_laws_diagnosis.py), in twenty poses (a base that rocks, test_contract_answers.py)."""
+    """By the desk's load tests, the second cell's (tests/second_cell/test_answers.py), in a pair below (a turned force, axes
+    coupled), as the desk's play is told from it (a soft zone), or in tests/identification/diagnosis: under hanging weights
+    (test_laws_dead_weights.py), in machined passes (a bearing, test_laws_diagnosis.py), in twenty poses (a base that rocks,
+    test_contract_answers.py)."""
     desks = {desk(910001, term).hidden for term in TERMS if term not in TOLD}
     desks |= {desk(seed, term, SHARES).hidden for seed, term in LARGE}
     faster = {str(hidden).split("[")[0] for hidden in desks} | {
-        "base_rocking", "bearing_tilt", "creep", "force_misalignment", "hysteresis", "link_bending", "soft_zone", "tool_point"}
+        "base_rocking", "bearing_tilt", "creep", "force_misalignment", "hysteresis", "soft_zone", "tool_point"}
     assert {where.hidden.effect for where in ALL if where.long} <= faster
 
 

@@ -221,6 +221,8 @@ def test_a_remainder_larger_than_physics_is_refused(job: ErringJob, stiffness: P
     assert "calibration" in stopped.value.findings[0].message
 
 
+# Long: what chance teaches is held in tests/compensator/learning/test_laws_learning.py.
+@pytest.mark.long
 def test_noise_alone_teaches_nothing(job: ErringJob, stiffness: Path, log: Path) -> None:
     """A cell that is as its model says, measured with noise: no remainder, and the prediction stays within a micrometre."""
     plain = ErringJob(job.folder.parent.parent / "plain", 1, design="poses20", motion=1.0)
@@ -305,6 +307,9 @@ def test_the_record_and_the_report_name_it(job: ErringJob, stiffness: Path, log:
     assert "left out once" in page
 
 
+# Long: what was learned is among the causes of what is stated for the part above, and the budget has each cause
+# (test_budget.py).
+@pytest.mark.long
 def test_the_error_budget_has_what_was_learned(
     job: ErringJob, stiffness: Path, log: Path, learned: Path, tmp_path: Path
 ) -> None:

@@ -298,6 +298,8 @@ def test_literature_stiffness_leaves_more(job: MillingJob, first: Pass, second: 
     assert gone(job.first, mirrored) < gone(first, second) - 0.1
 
 
+# Long: places that wait for the next log get better by it below.
+@pytest.mark.long
 def test_what_the_force_follows_goes_with_the_next_log(
     job: MillingJob, stiffness: Path, corrected: Correction, first: Pass, second: Pass
 ) -> None:

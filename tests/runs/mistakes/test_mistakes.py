@@ -155,6 +155,9 @@ def test_a_load_under_the_zero_is_found_in_a_short_test(tmp_path: Path, seed: in
     assert {cause["effect"] for cause in found["alternatives"]} <= {"force_offset"}
 
 
+# Long: rows that fit other springs than the rest are told by tests/identification/fit/test_laws_mistakes.py, and on the
+# command line by test_check.py.
+@pytest.mark.long
 def test_rows_of_two_robots_are_parted(tmp_path: Path) -> None:
     cell, table = two_robots(12, "irb6700-200-2.60").write(tmp_path)
     found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended.csv")
