@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -29,8 +30,15 @@ LONGEST = ("runs/mistakes", "second_cell/test_answers", "hidden_effects/test_des
            "tests/test_fourth_world", "tests/test_site")
 
 
+# The functions of which every case is long, so that none of it runs without --long (tests/test_markers.py).
+LONG_ALONE = pytest.StashKey[list[Callable[..., None]]]()
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The files in LONGEST first, in that order; all others as they were. Without `--long` no test that is marked so."""
+    tests = [item for item in items if isinstance(item, pytest.Function)]
+    told = {item.function for item in tests if not item.get_closest_marker("long")}
+    config.stash[LONG_ALONE] = [*dict.fromkeys(item.function for item in tests if item.function not in told)]
     if not config.getoption("--long"):
         long = [item for item in items if item.get_closest_marker("long")]
         if long:

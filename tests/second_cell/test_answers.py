@@ -157,6 +157,8 @@ def test_a_gear_under_a_weight_that_nobody_stated_is_named_and_weighs_it(
     assert fresh.named < fresh.plain / 4
 
 
+# Long: a compensator is named in tests/runs/hidden_effects/test_gears.py, and that no second cause stands beside the first at
+# the desk (test_desk_world.py there).
 @pytest.mark.long
 def test_a_gear_that_stiffens_under_a_weight_that_nobody_stated_has_no_compensator_beside_it() -> None:
     """The two share out what one gear does: they were named together. Which of them it is may stay open: under a weight that
@@ -214,6 +216,8 @@ def test_a_small_cause_beside_a_named_one_is_told_and_stays_in_the_model() -> No
     assert min(fresh.components[1], fresh.points[1]) > 0.85
 
 
+# Long: a curved target is named in tests/runs/hidden_effects/test_measurement.py; what a cause brings along,
+# tests/identification/diagnosis/test_laws_slight.py.
 @pytest.mark.long
 def test_a_spot_beside_the_pole_of_a_curved_target_is_no_cause_of_its_own() -> None:
     """The second cell's sensors meet their balls a little beside the pole, where these lean: no sensor is out of square."""
@@ -274,6 +278,7 @@ def test_friction_of_one_gear_is_not_that_of_all() -> None:
     assert [cause.label for cause in found.causes] == ["hysteresis[6]"]
 
 
+# Long: friction of one gear is named above.
 @pytest.mark.long
 def test_friction_seen_from_far_has_no_small_bumped_sensor_beside_it() -> None:
     """Its law is not exactly the dictionary's: 8 of 190 um from one row on are no step of a sensor."""
@@ -281,6 +286,7 @@ def test_friction_seen_from_far_has_no_small_bumped_sensor_beside_it() -> None:
     assert [cause.label for cause in found.causes] == ["hysteresis[1]"]
 
 
+# Long: creep is named below, and predicts fresh poses.
 @pytest.mark.long
 def test_creep_that_goes_back_is_named() -> None:
     found = diagnosed(simulate(95001, "cycles", "near", (Hidden("creep", 0, 1.5),), weight="known"))

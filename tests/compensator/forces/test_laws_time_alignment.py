@@ -139,6 +139,7 @@ def test_a_program_of_many_passes_is_seen_pass_by_pass(monkeypatch: pytest.Monke
     assert 1e3 * np.nanmedian(np.abs(alignment.length - place)) < 2
 
 
+# Long: a shorter stop is noticed below, and stretches whose force is another refuse above.
 @pytest.mark.long
 def test_a_program_that_stood_still_is_noticed() -> None:
     """Six seconds in air after a tenth of the program: most of it fits, the passes before would be one pass off."""

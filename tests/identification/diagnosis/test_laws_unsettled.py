@@ -75,6 +75,7 @@ def test_beside_a_cause_of_the_robot_the_noise_is_what_it_is() -> None:
     assert allowed.components.degrees > fitted.components.degrees
 
 
+# Long: that the noise beside such a cause is what it is, above; causes with nothing unsettled, tests/runs/hidden_effects.
 @pytest.mark.long
 def test_it_hides_no_cause_of_the_robot() -> None:
     """What is named beside it is what would be named without it."""

@@ -442,6 +442,7 @@ def test_an_uncertain_gain_of_the_sensor_is_in_the_coefficients_and_moves_none(s
     assert 0.3 < np.sqrt(sizes[-1]) / (np.radians(3) * mean.max()) < 3
 
 
+# Long: what a seat that may be turned makes uncertain, tests/compensator/correction/test_laws_stated_errors.py.
 @pytest.mark.long
 def test_a_sensor_that_may_be_turned_makes_coefficients_uncertain_as_turned_ones_say(shop: Shop, tmp_path: Path) -> None:
     """Fitted again with the sensor's stated axes turned by a third of a degree about each: what they move by is the sigma."""
