@@ -50,7 +50,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_addoption(parser: pytest.Parser) -> None:
     """`--no-posix`: without what Windows does not have (tests/without_posix/removal.py). `--long`: with the tests that take
     long and tell what a faster one tells in small."""
-    parser.addoption("--long", action="store_true", help="with the tests that take long and seldom tell anything")
+    parser.addoption("--long", action="store_true", help="with the tests that a faster one tells in small")
     parser.addoption("--no-posix", action="store_true", help="take fcntl, fork, POSIX signals and renames over open files away")
 
 

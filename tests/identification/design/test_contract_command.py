@@ -63,6 +63,9 @@ def test_few_of_the_causes_that_are_not_told_apart_are_named():
     assert len(many) == len(few) + 1
 
 
+# Long: the example of design_plan runs in tests/compstiff/test_contract_front_door.py, and what the command writes is read
+# above.
+@pytest.mark.long
 def test_a_script_gets_what_the_command_writes(written, tmp_path):
     """The command is a thin skin: same files, same JSON, from the room's own function."""
     cell = written[0] / "cell.yaml"

@@ -39,7 +39,7 @@ def folder(pytestconfig: pytest.Config, tmp_path_factory: pytest.TempPathFactory
         "correct": sample, "predict": sample.planned, "budget": compstiff.error_budget(sample.planned, 50e-6),
         "identify": compstiff.fit_stiffness(cell, turned), "diagnose": compstiff.diagnose(cell, turned, replicates=19),
         "verify": verification(where, cell),
-        "design": compstiff.design_plan(cell, compstiff.Request(measurements=2, axes="z"), quick=True),
+        "design": compstiff.design_plan(cell, compstiff.Request(measurements=1, axes="z"), quick=True),
         "learn": learning(where, sample.planned), **joint_logs(where),
         **diagnoses(where, () if pytestconfig.getoption("--long") else LIKE_ANOTHER)}
     pages = {name: compstiff.report(result) for name, result in results.items()}
