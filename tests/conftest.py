@@ -22,12 +22,12 @@ pytest.register_assert_rewrite("tests.runs.hidden_effects.hide_and_diagnose", "t
 TARE = (0, 2)
 
 # What takes longest is given out first: a process that gets such a file last keeps the other one waiting.
-LONGEST = ("runs/mistakes", "second_cell/test_answers", "hidden_effects/test_desk_world", "tests/test_documentation",
-           "command_line/test_mistakes", "fit/test_laws_misfit", "reports/test_contract_browser",
-           "forces/test_laws_time_alignment", "runs/milling", "identification/diagnosis", "runs/hidden_effects",
-           "compstiff/test_contract_front_door", "identification/design", "identification/fit", "compensator/cutting",
-           "batch/test_contract_cluster", "runs/faults", "command_line/test_laws_growth", "command_line/test_init",
-           "tests/test_fourth_world", "tests/test_site")
+LONGEST = ("reports/test_contract_browser", "hidden_effects/test_desk_world", "tests/test_documentation", "runs/mistakes",
+           "forces/test_laws_time_alignment", "command_line/test_mistakes", "compstiff/test_contract_front_door",
+           "second_cell/test_answers", "runs/hidden_effects", "command_line/test_rejected", "runs/milling",
+           "batch/test_contract_cluster", "identification/fit", "identification/motion", "identification/diagnosis", "runs/faults",
+           "upload/test_contract_faults", "path/test_laws_timing", "identification/design", "compensator/cutting",
+           "command_line/test_laws_growth", "tests/test_fourth_world", "tests/test_fifth_world", "tests/test_site")
 
 
 # The functions of which every case is long, so that none of it runs without --long (tests/test_markers.py).

@@ -38,7 +38,7 @@ def seen_in(case: Case, loads: float = 0.0) -> Unsettled | None:
 
 
 def test_it_is_named_with_its_size_and_is_no_displacement() -> None:
-    case = simulate(21, "ladder6", [Hidden("unsettled_zero", None, 2.0)])
+    case = simulate(21, "ladder12", [Hidden("unsettled_zero", None, 2.0)])
     found = diagnose(*read(case), replicates=39)
     assert found.verdict == "named"
     assert not found.causes                                     # of what displaces the tool
