@@ -25,8 +25,9 @@ TARE = (0, 2)
 LONGEST = ("reports/test_contract_browser", "hidden_effects/test_desk_world", "tests/test_documentation", "runs/mistakes",
            "forces/test_laws_time_alignment", "command_line/test_mistakes", "compstiff/test_contract_front_door",
            "second_cell/test_answers", "runs/hidden_effects", "command_line/test_rejected", "runs/milling",
-           "batch/test_contract_cluster", "identification/fit", "identification/motion", "identification/diagnosis", "runs/faults",
-           "upload/test_contract_faults", "path/test_laws_timing", "identification/design", "compensator/cutting",
+           "batch/test_contract_cluster", "identification/fit", "identification/motion", "identification/diagnosis",
+           "runs/faults", "upload/test_contract_faults", "path/test_laws_timing", "identification/design",
+           "compensator/cutting",
            "command_line/test_laws_growth", "tests/test_fourth_world", "tests/test_fifth_world", "tests/test_site")
 
 

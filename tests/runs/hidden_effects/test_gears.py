@@ -30,7 +30,7 @@ def test_play_that_every_load_crosses_may_look_like_a_soft_zone() -> None:
 
 def test_a_run_says_what_it_found() -> None:
     where = next(place for place in GEARS if not place.long)
-    found = run(where.seed, where.hidden, design=where.design)
+    found = where.run
     assert found.outcome == "right"
     assert found.oracle is not None
 

@@ -107,7 +107,7 @@ class MillingJob:
     def diagnose(self) -> tuple[Path, dict[str, Any]]:
         """The extended stiffness file and diagnosis.json by the command line."""
         output, extended = self.folder / "diagnosis.json", self.folder / "extended.json"
-        done = kit.run("diagnose", self.cell, self.measurements, "-o", output, "--extended", extended, "--replicates", "39")
+        done = kit.run("diagnose", self.cell, self.measurements, "-o", output, "--extended", extended)
         assert done.code == 0, done
         return extended, json.loads(output.read_text())
 
