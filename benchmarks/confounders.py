@@ -24,9 +24,11 @@ def main() -> int:
     cases: list[tuple[str, Callable[[], None]]] = []
     for where in ALL:
         other = label(where.confounder.effect, where.confounder.joint)
-        cases.append((f"{other}, seed {where.seed}, is not {where.label}", lambda where=where: check_confounder(where)))
+        cases.append((f"{other}, seed {where.seed}, is not {where.label}",
+                      lambda where=where: check_confounder(where, few=False)))
     for hidden, seed in (*OUTSIDE, *OUTSIDE_LONG):
-        cases.append((f"{hidden.effect}, seed {seed}, is unknown", lambda it=hidden, seed=seed: check_unknown(it, seed)))
+        cases.append((f"{hidden.effect}, seed {seed}, is unknown",
+                      lambda it=hidden, seed=seed: check_unknown(it, seed, few=False)))
     wrong = 0
     for said, check in cases:
         try:

@@ -44,6 +44,7 @@ from scipy.stats import beta, chi2
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from identification.common.findings import CompstiffError
+from identification.diagnosis.detect import REPLICATES
 from identification.diagnosis.diagnose import Diagnosis, diagnose
 from identification.diagnosis.extended_model import extended_model
 from identification.diagnosis.judgement import Judgement
@@ -82,12 +83,12 @@ class Null:
     seconds: float
 
 
-def diagnosed(case: Case) -> Diagnosis:
+def diagnosed(case: Case, replicates: int = REPLICATES) -> Diagnosis:
     """The diagnosis of the case's files."""
     with tempfile.TemporaryDirectory() as folder:
         cell_file, table = case.write(Path(folder))
         cell = read_cell(cell_file)
-        return diagnose(cell, read_measurements(table, cell.robot))
+        return diagnose(cell, read_measurements(table, cell.robot), replicates=replicates)
 
 
 def coverage(case: Case, model: Posterior) -> tuple[float, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -21,16 +22,24 @@ pytest.register_assert_rewrite("tests.runs.hidden_effects.hide_and_diagnose", "t
 TARE = (0, 2)
 
 # What takes longest is given out first: a process that gets such a file last keeps the other one waiting.
-LONGEST = ("runs/mistakes", "second_cell/test_answers", "hidden_effects/test_desk_world", "tests/test_documentation",
-           "command_line/test_mistakes", "fit/test_laws_misfit", "reports/test_contract_browser",
-           "forces/test_laws_time_alignment", "runs/milling", "identification/diagnosis", "runs/hidden_effects",
-           "compstiff/test_contract_front_door", "identification/design", "identification/fit", "compensator/cutting",
-           "batch/test_contract_cluster", "runs/faults", "command_line/test_laws_growth", "command_line/test_init",
-           "tests/test_fourth_world", "tests/test_site")
+LONGEST = ("reports/test_contract_browser", "hidden_effects/test_desk_world", "tests/test_documentation", "runs/mistakes",
+           "forces/test_laws_time_alignment", "command_line/test_mistakes", "compstiff/test_contract_front_door",
+           "second_cell/test_answers", "runs/hidden_effects", "command_line/test_rejected", "runs/milling",
+           "batch/test_contract_cluster", "identification/fit", "identification/motion", "identification/diagnosis",
+           "runs/faults", "upload/test_contract_faults", "path/test_laws_timing", "identification/design",
+           "compensator/cutting",
+           "command_line/test_laws_growth", "tests/test_fourth_world", "tests/test_fifth_world", "tests/test_site")
+
+
+# The functions of which every case is long, so that none of it runs without --long (tests/test_markers.py).
+LONG_ALONE = pytest.StashKey[list[Callable[..., None]]]()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The files in LONGEST first, in that order; all others as they were. Without `--long` no test that is marked so."""
+    tests = [item for item in items if isinstance(item, pytest.Function)]
+    told = {item.function for item in tests if not item.get_closest_marker("long")}
+    config.stash[LONG_ALONE] = [*dict.fromkeys(item.function for item in tests if item.function not in told)]
     if not config.getoption("--long"):
         long = [item for item in items if item.get_closest_marker("long")]
         if long:
@@ -42,7 +51,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_addoption(parser: pytest.Parser) -> None:
     """`--no-posix`: without what Windows does not have (tests/without_posix/removal.py). `--long`: with the tests that take
     long and tell what a faster one tells in small."""
-    parser.addoption("--long", action="store_true", help="with the tests that take long and seldom tell anything")
+    parser.addoption("--long", action="store_true", help="with the tests that a faster one tells in small")
     parser.addoption("--no-posix", action="store_true", help="take fcntl, fork, POSIX signals and renames over open files away")
 
 

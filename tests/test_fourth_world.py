@@ -21,7 +21,7 @@ def diagnosed(cause: str, seed: int, folder: Path) -> dict[str, Any]:
     judge = ROOT / "benchmarks" / "fourth_world.py"
     subprocess.run([sys.executable, judge, "1", str(seed), folder, "--only", cause], check=True, capture_output=True)
     files = [str(folder / "000" / name) for name in ("cell.yaml", "measurements.csv")]
-    result = CliRunner().invoke(compstiff, ["diagnose", *files, "-o", str(folder / "diagnosis.json")])
+    result = CliRunner().invoke(compstiff, ["diagnose", *files, "-o", str(folder / "diagnosis.json"), "--replicates", "39"])
     assert result.exit_code == 0, result.output
     return dict(json.loads((folder / "diagnosis.json").read_text()))
 
@@ -38,6 +38,9 @@ def test_it_is_named(cause: str, seed: int, effect: str, tmp_path: Path) -> None
     assert [one["effect"] for one in found["causes"]] == [effect]
 
 
+# Long: visits that are off are found in tests/identification/fit/test_laws_visits.py; forces set up anew hide no mistake in
+# tests/second_cell/test_answers.py.
+@pytest.mark.long
 def test_two_visits_that_are_off_hide_behind_no_forces_set_up_anew(tmp_path: Path) -> None:
     """Somebody stood on the floor while their loads were read; their unloaded readings say that the zero stayed."""
     found = diagnosed("someone_stands", 6116, tmp_path)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.support import long
 from tests.virtual_cell.arm_model import ELBOW, FLANGE, FOREARM, HEIGHT, LOWER_ARM, SHOULDER, ZERO_FLANGE, Tool
 from tests.virtual_cell.cell import Hidden, simulate
 from tests.virtual_cell.designs import Design
@@ -193,8 +194,8 @@ def gear_torques(seed: int, joint: int) -> Iterator[tuple[Drawing, float, float,
         yield draw_arm(q), rest.torque[gear], state.torque[gear] - rest.torque[gear], int(pose)
 
 
-@pytest.mark.parametrize(("effect", "joint"), [("backlash", 1), ("backlash", 5), ("soft_zone", 1), ("soft_zone", 5),
-                                               ("hysteresis", 1), ("hysteresis", 3)])
+@pytest.mark.parametrize(("effect", "joint"), [
+    ("backlash", 1), long("backlash", 5), long("soft_zone", 1), ("soft_zone", 5), long("hysteresis", 1), ("hysteresis", 3)])
 def test_gear_laws_are_near_the_contracts(effect: str, joint: int) -> None:
     """Near, so that a fit of the dictionary finds the parameters; not the same, so that it is a test."""
     case = simulate(12, "ladder12", [Hidden(effect, joint)], "none", stiffness=STIFFNESS)

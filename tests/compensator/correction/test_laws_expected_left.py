@@ -67,7 +67,7 @@ def test_a_force_that_turns_with_each_straight_move_leaves_a_saw_tooth() -> None
     assert found[2:-2] == pytest.approx(np.mean(left), rel=0.1)
 
 
-@pytest.mark.parametrize("allowance", [0.8, 1.5])
+@pytest.mark.parametrize("allowance", [0.8, pytest.param(1.5, marks=pytest.mark.long)])
 def test_a_stated_depth_tells_the_cutting_stiffness_of_the_end_mill(tmp_path: Path, allowance: float) -> None:
     """How the push across of the virtual cell's own end mill grows at the wall; the tool that was logged stood aside."""
     job = MillingJob(tmp_path, 4, design="poses20", part=slot_and_pocket(spacing_mm=1.5, allowance_mm=allowance))
@@ -87,6 +87,9 @@ def test_a_stated_depth_tells_the_cutting_stiffness_of_the_end_mill(tmp_path: Pa
     assert found.std < 0.35 * found.value
 
 
+# Long: that nothing climbs in a slot is asked below, and the slot that is left alone in
+# tests/runs/milling/test_milling_loop.py.
+@pytest.mark.long
 def test_what_is_known_of_a_wall_is_not_said_of_a_slot(tmp_path: Path) -> None:
     """What the growing force really leaves in the slot, the force of the first pass held against it, and what is stated."""
     job = MillingJob(tmp_path, 4, design="poses20")

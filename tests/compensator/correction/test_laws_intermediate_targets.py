@@ -558,8 +558,9 @@ def off_at(job: Job, path: Path3, places: np.ndarray, force: np.ndarray) -> tupl
     return off[0], off[1]
 
 
-@pytest.mark.parametrize(("step", "air"), [(0.1, "v100"), (4.3, "v500"), (7.1, "v500")])
-@pytest.mark.parametrize("in_full", [False, True])
+@pytest.mark.parametrize(("step", "air"), [
+    (0.1, "v100"), (4.3, "v500"), pytest.param(7.1, "v500", marks=pytest.mark.long)])
+@pytest.mark.parametrize("in_full", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_where_no_target_can_be_added_none_is_moved_off_the_plan_at_the_edge_of_a_cut(
     tmp_path: Path, step: float, air: str, in_full: bool
 ) -> None:

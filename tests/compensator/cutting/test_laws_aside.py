@@ -67,6 +67,8 @@ def test_a_pass_under_another_does_not_feel_where_the_top_stands() -> None:
     assert np.abs(change[second]).max() < 1e-9
 
 
+# Long: the change is held against a sum over the edge above, blanks that lean in test_laws_solid.py.
+@pytest.mark.long
 @pytest.mark.parametrize("shift", [long((0.0, 6.0)), (5.0, -8.0)], ids=["one way", "another"])
 def test_a_leaning_blank_moved_is_milled_anew(tmp_path: Path, shift: tuple[float, float]) -> None:
     """Along every axis, to 2 % of the largest change; its layers are 0.1 mm thick."""

@@ -16,6 +16,7 @@ from compensator.cutting.removal import mill_through
 from compensator.cutting.stock import MOST_LAYERS, more_layers
 from identification.model.stiffness import IdentifiedModel
 from tests.compensator.cutting.milled import FLAT, block, force_of, track_along
+from tests.support import long
 from tests.virtual_cell.endmill import EndMill
 
 CELL = """\
@@ -83,7 +84,7 @@ def coefficients(
                                           compstiff.Settings.of(tare=((0, 1),)))
 
 
-@pytest.mark.parametrize("by", ["position", "target"])
+@pytest.mark.parametrize("by", ["position", long("target")])
 def test_five_slots_by_ten_targets_tell_the_coefficients(tmp_path: Path, by: str) -> None:
     """At three feeds, on an arm that hardly yields: the force of a slot within 2 %, and what is said holds."""
     found = coefficients(tmp_path, *job(tmp_path, by), 1e9)
@@ -113,7 +114,7 @@ def over(level: float) -> np.ndarray:
     return np.array(legs)
 
 
-@pytest.mark.parametrize("yields", [-0.3, -0.12, 0.2])
+@pytest.mark.parametrize("yields", [-0.3, long(-0.12), long(0.2)])
 def test_what_was_cut_below_the_level_is_gone(yields: float) -> None:
     """A tool that stands off its level all the way cuts as one whose level that is."""
     low, high = (-60.0, -40.0, -20.0), (60.0, 40.0, 0.0)

@@ -48,6 +48,9 @@ def test_the_plateau_is_that_of_the_edges(lead: float, tilt: float, y: float) ->
     assert np.degrees(np.arccos(min(cosine, 1.0))) < 3
 
 
+# Long: rows of a finish, each beside what the last one left, are held against the engine on slopes in test_laws_sloping.py, a
+# leaning plateau above.
+@pytest.mark.long
 def test_rows_beside_each_other() -> None:
     """Rows of a finish, one way and back 0.8 mm on: the second takes what the first left, at entry and exit too."""
     axis, tip = tilted(12, 8), -0.6
@@ -78,8 +81,8 @@ def test_a_hair_off_the_vertical_is_upright() -> None:
     assert np.linalg.norm(leaning[160] - truth) < 0.03 * size < np.linalg.norm(upright[160] - truth)
 
 
-@pytest.mark.parametrize(("lead", "tip", "known"), [(20, -1.0, True), (20, -7.0, False), (-20, -4.0, True), (-20, -7.0, True),
-                                                    (65, -0.5, False), (90, -0.5, False)])
+@pytest.mark.parametrize(("lead", "tip", "known"), [
+    (20, -1.0, True), (20, -7.0, False), long(-20, -4.0, True), long(-20, -7.0, True), (65, -0.5, False), (90, -0.5, False)])
 def test_above_its_ball_nothing_is_known(lead: float, tip: float, known: bool) -> None:
     """Leaning forward by 20 degrees the shank meets the front of a slot from R (1 - sin 20) = 5.26 mm on; leaning back it is
     the ball that does. Over 60 degrees it is not looked at."""

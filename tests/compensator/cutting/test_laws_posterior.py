@@ -44,7 +44,7 @@ def fitted(rows: ForceRows) -> ForcePosterior:
     return fit_coefficients(rows, *coefficients_of("aluminium", 1e-4))
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.8])
+@pytest.mark.parametrize("memory", [pytest.param(0.0, marks=pytest.mark.long), 0.8])
 def test_the_stated_covariance_is_the_scatter(memory: float) -> None:
     """On 30 logs: the squares in units of the covariance are those of six normal numbers, with white noise and with noise that
     remembers; with remembered noise taken as white they would be five times that."""

@@ -71,7 +71,7 @@ def test_a_wall_is_finished_downwards_by_the_side_of_a_ball(slope: float) -> Non
     check(force[-2], truth)
 
 
-@pytest.mark.parametrize("slope", [-40, long(-15), long(-4), long(4), 15, long(40)])
+@pytest.mark.parametrize("slope", [-40, long(-15), long(-4), long(4), long(15), long(40)])
 def test_rows_of_a_finish(slope: float) -> None:
     """A row down or up a slope 0.7 mm beside another takes what that left, to where it leaves the block; with layers of 0.1 mm
     on slopes that rise by 0.03 mm a step too."""

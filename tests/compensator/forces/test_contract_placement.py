@@ -371,7 +371,7 @@ def test_positions_that_come_late(tmp_path: Path) -> None:
         place(tmp_path, log_text("path_mm,fx_n,fy_n,fz_n", rows[:, 1:]), cell)
 
 
-@pytest.mark.parametrize(("rows_each", "share"), [(3, 0.05), (12, 0.01), (40, 0.003)])
+@pytest.mark.parametrize(("rows_each", "share"), [(3, 0.05), (12, 0.01), pytest.param(40, 0.003, marks=pytest.mark.long)])
 def test_a_short_tare_does_not_make_forces_of_noise(tmp_path, rows_each: int, share: float) -> None:
     """Nothing but noise, and a tare of two targets: of 24 others that are as long or three times as long, whose means are off
     by their own noise and by the tare's, next to none shows a force, and one of 14 sigma does. (All of them had with three

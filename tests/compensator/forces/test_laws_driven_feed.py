@@ -125,7 +125,8 @@ def test_the_unit_is_told_where_calls_drive_in_another_order(
     assert all(f"it seems to be in {named}" in message for message in messages)
 
 
-@pytest.mark.parametrize(("unit", "named"), [(1.0, ""), (1e3, "milliseconds"), (1e6, "microseconds")])
+@pytest.mark.parametrize(("unit", "named"), [
+    (1.0, ""), (1e3, "milliseconds"), pytest.param(1e6, "microseconds", marks=pytest.mark.long)])
 def test_the_unit_of_a_log_with_time_alone_is_asked_about(tmp_path: Path, unit: float, named: str) -> None:
     """Noise over as long as the program takes is not placed; by its unit it is told only where that is another."""
     path = plan(tmp_path, count=COUNT)

@@ -42,7 +42,7 @@ def program() -> tuple[str, np.ndarray, list[range]]:
     return head + "\nPROC main()\n" + "\n".join(body) + "\nENDPROC\nENDMODULE\n", np.array(points, dtype=float), stretches
 
 
-@pytest.mark.parametrize("turns", [(1, 2), (0, 1), (2, 2)])
+@pytest.mark.parametrize("turns", [(1, 2), *(pytest.param(turns, marks=pytest.mark.long) for turns in ((0, 1), (2, 2)))])
 def test_a_quick_look_leaves_few_ways_and_the_driven_one(
     program: tuple[str, np.ndarray, list[range]], tmp_path: Path, turns: tuple[int, int]
 ) -> None:

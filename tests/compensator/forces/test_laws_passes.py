@@ -22,7 +22,7 @@ from identification.model.cell import read_cell
 @pytest.fixture(scope="module")
 def jobs(tmp_path_factory: pytest.TempPathFactory) -> list:
     folder = tmp_path_factory.mktemp("passes")
-    generators = [np.random.default_rng((19, number)) for number in range(8)]
+    generators = [np.random.default_rng((19, number)) for number in range(5)]
     return [written(drawn(rng), folder, rng) for rng in generators]
 
 
@@ -49,7 +49,7 @@ def test_a_pass_in_the_air_is_told(jobs: list, tmp_path: Path) -> None:
         if (~moves_in_air(path.toolpath)).sum() > 60:
             assert "CS3077" in said(path, time, place, rng.normal(0, 2, force.shape) + drift, tmp_path)
             told += 1
-    assert told > 3
+    assert told > 2
 
 
 @pytest.mark.parametrize(("climbs", "side"), [(True, 1), (False, -1)])
@@ -65,6 +65,8 @@ def test_the_side_of_the_stock_by_the_order_of_the_passes(climbs: bool, side: in
     assert (found[1:4] == side).all()
 
 
+# Long: such logs are followed in tests/runs/command_line/test_followed_calls.py, late ones told above.
+@pytest.mark.long
 def test_a_log_of_routines_in_another_order_is_late_or_slow_all_the_same(sample_inputs: Inputs) -> None:
     """The way home stands in the text before the cut; the same log, as it is, late, and at half the feed."""
     lines = sample_inputs.toolpath.read_text().splitlines()
@@ -85,6 +87,8 @@ def test_a_log_of_routines_in_another_order_is_late_or_slow_all_the_same(sample_
     assert told == [set(), {"CS3073"}, {"CS3072"}]
 
 
+# Long: other jobs, late and turned, above.
+@pytest.mark.long
 def test_the_samples_log_late_and_turned(sample_inputs: Inputs) -> None:
     cell = read_cell(sample_inputs.cell)
     path = robot_path(read_rapid(sample_inputs.toolpath.read_bytes(), "insert.mod").toolpath, cell)

@@ -255,7 +255,7 @@ def test_a_long_log_kept_as_means_gives_the_same_means(tmp_path, monkeypatch, ke
     assert_allclose(means, [force[target == k].mean(axis=0) for k in range(40)], atol=1e-9)
 
 
-@pytest.mark.parametrize(("turns", "slope"), [(0.6, 0.0), (1.5, 0.0), (3.0, 0.0), (12.0, 0.0), (4.5, 1.0), (12.0, 1.0)])
+@pytest.mark.parametrize(("turns", "slope"), [(0.6, 0.0), (1.5, 0.0), (3.0, 0.0), long(12.0, 0.0), (4.5, 1.0), long(12.0, 1.0)])
 def test_the_stated_error_of_a_mean_is_that_of_white_noise(tmp_path, turns: float, slope: float) -> None:
     """White noise about a force that is steady, or grows by 200 N in five targets, averaged over revolutions of 40 samples:
     over 150 targets the means scatter as stated."""

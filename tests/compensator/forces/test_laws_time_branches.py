@@ -31,8 +31,9 @@ def branched(text: str, head: str, end: str) -> tuple[str, range]:
     return "\n".join(lines) + "\n", targets
 
 
+# Long: branches and loops that were not driven are told by place in tests/runs/command_line/test_branches.py.
 @pytest.mark.parametrize(("name", "driven"), [
-    ("all", True), pytest.param("all", False, marks=pytest.mark.long), ("loop", False)])
+    ("all", True), *(pytest.param(name, False, marks=pytest.mark.long) for name in BRANCHES)])
 def test_the_forces_of_a_log_by_time_go_to_what_was_driven(
     sample_inputs: Inputs, sample: Corrected, tmp_path: Path, name: str, driven: bool
 ) -> None:

@@ -178,18 +178,28 @@ def test_unknown_feed_and_a_program_of_joint_moves_alone(tmp_path: Path) -> None
     assert alone.as_dict()["planned"]["joint_moves_s"] > 0
 
 
-def test_on_the_command_line(sample_inputs: Inputs, tmp_path: Path) -> None:
-    """A robot that can hardly accelerate: reported, and refused with nothing written; the report draws it."""
+def slow(sample_inputs: Inputs, tmp_path: Path) -> list[object]:
+    """The words of `correct` for a robot that can hardly accelerate."""
     source = robot().source.read_text().replace("acceleration_deg_s2: 400", "acceleration_deg_s2: 2")
     (tmp_path / "slow.yaml").write_text(source)
     (tmp_path / "cell.yaml").write_text(sample_inputs.cell.read_text().replace("irb6660-205-1.90", "slow.yaml"))
-    common = [tmp_path / "cell.yaml", sample_inputs.toolpath, "--stiffness", sample_inputs.stiffness, "--forces",
-              sample_inputs.forces, "--tare", "0:2", "-o", tmp_path / "out.mod", "--json"]
-    refused = compstiff("correct", *common, "--strict-feed")
+    return [tmp_path / "cell.yaml", sample_inputs.toolpath, "--stiffness", sample_inputs.stiffness, "--forces",
+            sample_inputs.forces, "--tare", "0:2", "-o", tmp_path / "out.mod", "--json"]
+
+
+# Long: what is refused of such a robot is held above, and that nothing is written where anything is, in
+# tests/runs/command_line/test_refusals.py.
+@pytest.mark.long
+def test_what_a_robot_cannot_hold_is_refused_on_the_command_line(sample_inputs: Inputs, tmp_path: Path) -> None:
+    refused = compstiff("correct", *slow(sample_inputs, tmp_path), "--strict-feed")
     assert refused.returncode == 3, refused.stdout
     assert {finding["code"] for finding in json.loads(refused.stdout)["findings"] if finding["level"] == "error"} == {"CS4402"}
     assert not (tmp_path / "out.mod").exists()
-    done = compstiff("correct", *common, "--check-feed", "--report", tmp_path / "report.html")
+
+
+def test_on_the_command_line(sample_inputs: Inputs, tmp_path: Path) -> None:
+    """Reported, and the report draws it."""
+    done = compstiff("correct", *slow(sample_inputs, tmp_path), "--check-feed", "--report", tmp_path / "report.html")
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)["result"]["feed_check"]
     assert told["corrected"]["held_back_with_force"] > 0

@@ -148,7 +148,7 @@ def test_routines_that_call_each_other_twice_forty_times_over_end(last: str) -> 
     assert (run.times > 1).all()
 
 
-@pytest.mark.parametrize("deep", [3, 40, 1200])
+@pytest.mark.parametrize("deep", [3, pytest.param(40, marks=pytest.mark.long), 1200])
 def test_loops_within_loops_are_driven_as_one(deep: int) -> None:
     """Each move twice or more; three loops are followed turn by turn, of more the order is open: forty had taken all memory
     there is, thousands had ended as a defect."""

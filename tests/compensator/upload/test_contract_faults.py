@@ -8,8 +8,10 @@ from tests.compensator.upload.fault_runs import Bench
 SHARE = 41
 
 
-@pytest.mark.parametrize("generation", [1, 2])
-@pytest.mark.parametrize("replace", [False, True], ids=["load", "replace"])
+# Long: a module that was not loaded before, on the other generation.
+@pytest.mark.parametrize(("replace", "generation"), [
+    pytest.param(False, 1, id="load-1", marks=pytest.mark.long), pytest.param(False, 2, id="load-2"),
+    pytest.param(True, 1, id="replace-1"), pytest.param(True, 2, id="replace-2")])
 def test_after_a_fault_the_file_is_whole_the_answer_true_and_a_second_upload_completes(
     generation, replace, tmp_path, monkeypatch
 ):

@@ -92,7 +92,7 @@ def test_a_unit_that_the_sigma_has_too_is_told(tmp_path: Path, seed: int) -> Non
     assert stopped.value.findings[0].line == 4
 
 
-@pytest.mark.parametrize("phi", [0.0, long(0.5), 0.9])
+@pytest.mark.parametrize("phi", [long(0.0), long(0.5), 0.9])
 def test_intervals_cover_under_autocorrelated_noise(phi: float) -> None:
     """400 simulated pairs of passes: the true ratio and the true scale lie in their 95 % intervals as often as stated, and
     intervals that took the places as independent would not hold them."""

@@ -134,7 +134,7 @@ def test_ctrl_c_finishes_what_is_under_way(place: Shop, processes: int) -> None:
 
 def test_a_lost_process_does_not_stop_the_others(place: Shop) -> None:
     """One worker is killed, as the kernel does where memory runs out: what it worked on is a defect, the rest is corrected."""
-    names = [f"p{number:02}" for number in range(40)]
+    names = [f"p{number:02}" for number in range(16)]
     place.put(*names)
     out = place.folder / "out"
     words = ["correct", place.cell, place.source, "--stiffness", place.stiffness, "-o", f"{out}/", "--json", "--jobs", 2]

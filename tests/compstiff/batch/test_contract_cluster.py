@@ -86,6 +86,8 @@ def test_the_same_bytes_and_a_worker_that_dies_takes_nothing_with_it(place: Shop
                 for line in again.stdout.splitlines()] == [["CS0003"]] * len(names)
 
 
+# Long: a worker that dies takes nothing with it above.
+@pytest.mark.long
 def test_a_worker_lost_right_after_its_result_came(place: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
     """The scheduler's word that the data are lost follows the data themselves."""
     place.put("a", "b")
@@ -247,6 +249,8 @@ def test_a_deadly_program_is_blamed_alone(place: Shop, monkeypatch: pytest.Monke
     assert [finding.code for finding in results[0].findings] == ["CS6010"]
 
 
+# Long: the deadly program is blamed alone above, and all others are corrected there.
+@pytest.mark.long
 def test_who_was_under_way_beside_it_is_tried_again(place: Shop) -> None:
     batch = paired(place.put("a", "b", "c"), None, Folders(place.folder))
     done = list(in_processes(deque(batch), dies_at_a, 2, lambda: False))

@@ -240,12 +240,12 @@ def start(place: Shop, out: Path) -> contextlib.AbstractContextManager[subproces
 
 
 def test_killed_at_any_moment_nothing_is_lost_and_nothing_is_half(place: Shop) -> None:
-    names = [f"p{i}" for i in range(12)]
+    names = [f"p{i}" for i in range(8)]
     place.put(*names)
     out = place.folder / "out"
     alone = place.alone()
     rng = np.random.default_rng(2)
-    for _ in range(5):
+    for _ in range(3):
         known = len((out / NAME).read_bytes()) if out.exists() else 0
         if known and len(entries(out)) == len(names):
             break

@@ -63,6 +63,9 @@ def test_few_of_the_causes_that_are_not_told_apart_are_named():
     assert len(many) == len(few) + 1
 
 
+# Long: the example of design_plan runs in tests/compstiff/test_contract_front_door.py, and what the command writes is read
+# above.
+@pytest.mark.long
 def test_a_script_gets_what_the_command_writes(written, tmp_path):
     """The command is a thin skin: same files, same JSON, from the room's own function."""
     cell = written[0] / "cell.yaml"
@@ -202,6 +205,8 @@ def test_order_is_short_and_balanced(cell):
     assert imbalance(np.arange(9), kind) > 0.5
 
 
+# Long: criterion I is planned for over a path of the CAM system below, further runs in test_laws_discrimination.py.
+@pytest.mark.long
 def test_for_a_milling_program_and_after_measurements(written, tmp_path):
     """I over a program's targets; two more runs make every stiffness surer than what was measured."""
     folder, _ = written
@@ -261,6 +266,8 @@ def test_a_toolpath_of_the_cam_system_plans_like_a_program(written, tmp_path):
     assert "(1175, 0, 655)" in content["place"]
 
 
+# Long: that demand is kept and certified in test_laws_certificate.py, and every option of the command written out above.
+@pytest.mark.long
 def test_the_papers_plan(written, tmp_path):
     """One position, four poses, three loads along y and two along x, +-300 N; raw k."""
     cell = read_cell(written[0] / "cell.yaml")

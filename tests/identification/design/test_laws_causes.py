@@ -95,6 +95,7 @@ def test_no_plan_out_of_the_pool_beats_the_bound(visits, task):
     assert 0.97 * bound < value <= bound * (1 + 1e-9)
 
 
+# Long: what the criterion counts is held above against the forecast and the bound; a whole plan, on the command line below.
 @pytest.mark.long
 def test_more_causes_are_told_apart_and_the_price_is_said(found, task, cell):
     plan, worth = found
@@ -123,6 +124,7 @@ def test_the_pool_is_of_ordinary_postures_with_runs_of_every_group(domain, prior
     assert reaching_back(beside, kept.theta)[kept.slot == 1].all()
 
 
+# Long: rows before count in tests/identification/design/test_laws_discrimination.py.
 @pytest.mark.long
 def test_rows_measured_before_count(task, found, cell):
     """The same runs again tell less that is new than runs that are chosen after them."""

@@ -114,6 +114,9 @@ def test_the_plan_s_value_is_the_dense_one(plan, cell, prior):
     assert plan.certificate.value == pytest.approx(dense_value(cell, prior, plan.runs.theta), rel=1e-6)
 
 
+# Long: plans that the certificate has not seen stay under its bound in test_laws_certificate.py; only the domain is another
+# here.
+@pytest.mark.long
 def test_no_independent_search_beats_the_certificate(plan, cell, prior):
     """Nelder and Mead over the tool's orientations and the arm's branches, from poses of their own."""
     domain, rng = hung(cell), np.random.default_rng(31)

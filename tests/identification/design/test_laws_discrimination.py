@@ -37,7 +37,7 @@ def diagnosed(case, folder):
     cell_file, rows_file = case.write(folder)
     cell = read_cell(cell_file)
     rows = read_measurements(rows_file, cell.robot)
-    return cell, rows, diagnose(cell, rows)
+    return cell, rows, diagnose(cell, rows, replicates=39)
 
 
 def probability(case, found):

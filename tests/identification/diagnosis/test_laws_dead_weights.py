@@ -37,7 +37,7 @@ def read(case: Case) -> tuple[Cell, Measurements]:
 @cache
 def diagnosed(seed: int, *hidden: Hidden, design: str = "hung12") -> tuple[Case, Diagnosis]:
     case = simulate(seed, design, hidden)
-    return case, diagnose(*read(case))
+    return case, diagnose(*read(case), replicates=39)
 
 
 def test_the_hook_is_the_physics() -> None:
@@ -81,6 +81,8 @@ def test_they_are_looked_for_where_weights_hang_only() -> None:
     assert swing_of(posterior(LoadTest.of(cell, rows))) is None
 
 
+# Long: named by the command in tests/runs/command_line/test_dead_weights.py.
+@pytest.mark.long
 def test_the_hook_is_named_with_where_it_hangs() -> None:
     case, found = diagnosed(3, Hidden("hook_offset", None, 1.5))
     assert [cause.label for cause in found.causes] == ["hook_offset"]

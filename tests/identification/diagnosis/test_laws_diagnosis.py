@@ -99,11 +99,11 @@ def pass_file(case: Case, design: Design, folder: Path, count: int = 800) -> tup
 
 
 @pytest.mark.parametrize(("seed", "hidden", "names"), [
-    (1, [], []), (3, [Hidden("bearing_tilt", 2, 2.0)], ["bearing_tilt[2]"])])
+    pytest.param(1, [], [], marks=pytest.mark.long), (3, [Hidden("bearing_tilt", 2, 2.0)], ["bearing_tilt[2]"])])
 def test_machined_passes(seed: int, hidden: list[Hidden], names: list[str], tmp_path: Path) -> None:
     case, design = machined(seed, hidden)
     cell, rows = pass_file(case, design, tmp_path)
-    found = diagnose(cell, rows).judgement
+    found = diagnose(cell, rows, replicates=39).judgement
     assert found.verdict == ("named" if names else "adequate")
     assert [cause.label for cause in found.causes] == names
     assert found.thinning is not None

@@ -112,10 +112,10 @@ def test_replicates_are_drawn_from_the_stated_noise() -> None:
 
 
 def test_a_smooth_error_alone_is_no_cause() -> None:
-    """Of twenty drawn errors of 40 um one in twenty alarms; at most four do (99.7 %), and none is named."""
+    """Of ten drawn errors of 40 um one in twenty alarms; at most three do (99.9 %), and none is named."""
     state = state_of_a_path()
-    answers = [said(rows_of(state, np.zeros((PLACES, 3)), np.random.default_rng([7, k])), k) for k in range(20)]
-    assert sum(p_value <= 0.05 for _, _, p_value in answers) <= 4
+    answers = [said(rows_of(state, np.zeros((PLACES, 3)), np.random.default_rng([7, k])), k) for k in range(10)]
+    assert sum(p_value <= 0.05 for _, _, p_value in answers) <= 3
     assert "named" not in [verdict for verdict, _, _ in answers]
 
 

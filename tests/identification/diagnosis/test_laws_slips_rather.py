@@ -25,7 +25,7 @@ def diagnosed(folder: Path, seed: int, number: int, spoilt: Callable[[Row], None
         writer.writeheader()
         writer.writerows(rows)
     cell = read_cell(cell_file)
-    return diagnose(cell, read_measurements(table, cell))
+    return diagnose(cell, read_measurements(table, cell), replicates=39)
 
 
 def test_an_angle_of_the_other_sign_is_the_poses(tmp_path: Path) -> None:

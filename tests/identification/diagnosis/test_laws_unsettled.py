@@ -39,7 +39,7 @@ def seen_in(case: Case, loads: float = 0.0) -> Unsettled | None:
 
 def test_it_is_named_with_its_size_and_is_no_displacement() -> None:
     case = simulate(21, "ladder12", [Hidden("unsettled_zero", None, 2.0)])
-    found = diagnose(*read(case))
+    found = diagnose(*read(case), replicates=39)
     assert found.verdict == "named"
     assert not found.causes                                     # of what displaces the tool
     (cause,) = found.as_dict()["causes"]
@@ -75,6 +75,7 @@ def test_beside_a_cause_of_the_robot_the_noise_is_what_it_is() -> None:
     assert allowed.components.degrees > fitted.components.degrees
 
 
+# Long: that the noise beside such a cause is what it is, above; causes with nothing unsettled, tests/runs/hidden_effects.
 @pytest.mark.long
 def test_it_hides_no_cause_of_the_robot() -> None:
     """What is named beside it is what would be named without it."""
@@ -84,7 +85,7 @@ def test_it_hides_no_cause_of_the_robot() -> None:
     assert isinstance(scatter, Unsettled)
 
 
-@pytest.mark.parametrize("seed", range(31, 37))
+@pytest.mark.parametrize("seed", [*range(31, 34), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(34, 37))])
 def test_its_size_holds_and_nothing_is_seen_where_there_is_nothing(seed: int) -> None:
     assert seen_in(simulate(seed, "ladder12")) is None
     case = simulate(seed, "ladder12", [Hidden("unsettled_zero", None, 3.0)])

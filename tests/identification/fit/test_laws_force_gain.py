@@ -89,6 +89,8 @@ def test_what_the_same_load_cell_loads_is_predicted_without_it(data: LoadTest, f
     assert delivered(same) is same.draws
 
 
+# Long: how far the gain widens what is fitted is held above.
+@pytest.mark.long
 def test_the_file_of_identify_has_it(data: LoadTest, tmp_path: Path) -> None:
     """By the commands, as it is read from cell.yaml: the standard deviations, in shares, grow by the square sum."""
     cell_file, table = data.cell.source, data.rows.source

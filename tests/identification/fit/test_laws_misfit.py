@@ -43,7 +43,7 @@ def fitted(case: Case | second_cell.Case, folder: Path) -> Fit:
 
 @pytest.mark.parametrize("design", ["ladder12", "poses20", "paper5"])
 def test_springs_alone_are_not_rejected(design: str, tmp_path: Path) -> None:
-    for seed in range(700, 706):
+    for seed in range(700, 702):
         fit = fitted(simulate(seed, design), tmp_path)
         assert not fit.model.rejected
         assert all(finding.code != "CS1021" for finding in fit.findings)
@@ -95,7 +95,7 @@ HANGING = {175065: None, 175066: None, 16305: "irb6640-235-2.55"}
 
 
 # Long: another arm and seed stay.
-@pytest.mark.parametrize("seed", [pytest.param(175065, marks=pytest.mark.long), 175066, 16305])
+@pytest.mark.parametrize("seed", [*(pytest.param(seed, marks=pytest.mark.long) for seed in (175065, 175066)), 16305])
 def test_an_arm_s_unknown_weight_rejects_no_springs(seed: int, tmp_path: Path) -> None:
     case = second_cell.simulate(seed, "cycles", name=HANGING[seed], weight="unknown")
     fit = fitted(case, tmp_path)
@@ -129,7 +129,10 @@ def set_up_by_hand(rows: Measurements, error: float, seed: int) -> Measurements:
     return replace(rows, wrench=written)
 
 
-@pytest.mark.parametrize(("error", "stated", "adequate"), [(0.015, 0.005, True), (0.015, 0.002, False), (0.06, 0.005, False)])
+# Long: what is stated too closely is refused by the same test as what is off by far.
+@pytest.mark.parametrize(("error", "stated", "adequate"), [
+    (0.015, 0.005, True), pytest.param(0.015, 0.002, False, marks=pytest.mark.long),
+    pytest.param(0.06, 0.005, False, marks=pytest.mark.long)])
 def test_a_rig_that_is_set_up_by_hand_rejects_no_springs(
     error: float, stated: float, adequate: bool, tmp_path: Path,
 ) -> None:
@@ -156,6 +159,8 @@ def test_a_rig_that_is_set_up_by_hand_has_no_cause(error: float, adequate: bool,
 
 
 # Long: springs cannot rock a base, as they cannot make play.
+# Long: springs that do not hold are rejected above, and a hanging arm with sound ones is not.
+@pytest.mark.long
 @pytest.mark.parametrize("hidden", [
     second_cell.Hidden("backlash", 1, 1.5),
     pytest.param(second_cell.Hidden("base_rocking", 0, 1.5), marks=pytest.mark.long)])
@@ -174,6 +179,9 @@ def mistaken(rows: Measurements, kind: str) -> Measurements:
     return replace(rows, wrench=wrench, deflection=deflection, theta=theta)
 
 
+# Long: `identify` refuses files with other mistakes in tests/runs/mistakes/test_mistakes.py, where a sign is named by
+# `diagnose`.
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["the sign of fy", pytest.param("dy and dz swapped", marks=pytest.mark.long)])
 def test_clear_mistakes_of_people_are_refused(kind: str, tmp_path: Path) -> None:
     cell, rows = read(simulate(720, "ladder12"), tmp_path)
@@ -182,6 +190,9 @@ def test_clear_mistakes_of_people_are_refused(kind: str, tmp_path: Path) -> None
     assert refused.value.findings[0].code == "CS1700"
 
 
+# Long: rejected springs have no reliable grade in test_what_springs_cannot_do_rejects_them; that a zero is a mistake,
+# tests/second_cell/test_answers.py.
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["a zero of joint 2"])
 def test_mistakes_of_people_are_not_reliable(kind: str, tmp_path: Path) -> None:
     """Tables with an ordinary mistake give stiffnesses that are wrong by a tenth and more, and none is called reliable."""
@@ -198,10 +209,11 @@ def test_many_light_rows_are_one_finding(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     off = rng.permutation(len(case.deflection_um))[:60]
     case.deflection_um[off] += 80 * rng.standard_normal((60, 3))
-    fit = fitted(case, tmp_path)
+    cell, rows = read(case, tmp_path)
+    fit = fit_stiffness(cell, first(rows, 6))
     kept = np.isin(fit.measurements.row, fit.posterior.data.rows.row)
     light = int(np.sum(fit.row_weight[kept] < 0.3))
-    assert light > 20
+    assert light > 12
     told = [finding for finding in fit.findings if finding.code == "CS1015"]
     assert len(told) == 1
     assert f"{light} of" in told[0].message

@@ -206,6 +206,8 @@ def same(written: str, again: str) -> bool:
                                            + 0.02 * np.abs(values_again))
 
 
+# Long: every equation and the pattern of Table 2 are held above; this one says that docs/paper.md is up to date.
+@pytest.mark.long
 def test_the_page_is_what_the_benchmark_writes() -> None:
     """Every section but the slow tables of section 5, of which two rows."""
     page = paper.PAGE.read_text(encoding="utf-8")

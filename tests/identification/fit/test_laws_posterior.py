@@ -296,8 +296,8 @@ def test_only_validation_rows(tmp_path) -> None:
 def test_a_few_rows_and_many_rows_are_quick(tmp_path) -> None:
     import time
 
-    cell, rows = simulate(tmp_path, np.random.default_rng(9), poses=2000, loads=10)
+    cell, rows = simulate(tmp_path, np.random.default_rng(9), poses=700, loads=10)
     start = time.process_time()
     fit = fit_stiffness(cell, rows)
-    assert time.process_time() - start < 10
+    assert time.process_time() - start < 4
     assert np.all(np.abs(fit.model.mean + np.log(TRUE)) < 4 * fit.model.log_std)

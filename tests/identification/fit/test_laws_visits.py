@@ -86,6 +86,8 @@ def test_a_wrong_angle_is_found_and_the_right_one_told(design: str, seed: int, p
     assert np.all(fit.row_weight[measurements.pose == pose] == 0)
 
 
+# Long: what each slip is worth, in tests/identification/fit/test_laws_slips.py; a sign is told with its odds below.
+@pytest.mark.long
 def test_angles_of_another_visit_are_ten_times_rarer_than_a_slip_of_the_pen(tmp_path: Path) -> None:
     """Six poses, P5 with another sign of axis 5, and a seventh that stood where P5 really did: both would fit to the digit, and
     each kind of slip shares its prior out over the ways there are."""
@@ -119,7 +121,7 @@ def stuck(joint: int, pose: int) -> Hidden:
 
 # Long: in the other design.
 @pytest.mark.parametrize(("design", "seed", "hidden", "number"), [
-    ("ladder12", 71003, hose(8), 8), pytest.param("ladder12", 71004, stuck(3, 2), 2, marks=pytest.mark.long),
+    *(pytest.param("ladder12", *case, marks=pytest.mark.long) for case in ((71003, hose(8), 8), (71004, stuck(3, 2), 2))),
     ("poses20", 71005, hose(5), 5), ("poses20", 71006, stuck(3, 6), 6)])
 def test_what_drags_or_sticks_at_a_pose_is_found_there(design: str, seed: int, hidden: Hidden, number: int, tmp_path: Path
                                                        ) -> None:
@@ -129,6 +131,8 @@ def test_what_drags_or_sticks_at_a_pose_is_found_there(design: str, seed: int, h
     assert [score.name for score in test.bad] == [f"P{number}"]
 
 
+# Long: `diagnose` names a pose at which one reading is off below (CS1730), and leaves it out as the fit does above.
+@pytest.mark.long
 def test_diagnose_names_the_pose_and_judges_the_rest(tmp_path: Path) -> None:
     """Of twelve poses, each with every other row."""
     case = simulate(71007, "ladder12", noise=SHEET)
@@ -184,7 +188,8 @@ def check_slipped(bad: BadVisit, said: str) -> None:
     assert bad.mends[0].probability > 0.9
 
 
-@pytest.mark.parametrize(("slip", "said"), [(loads_halved, TWICE), (a_turn_lost, TURNS)])
+@pytest.mark.parametrize(("slip", "said"), [
+    pytest.param(loads_halved, TWICE, marks=pytest.mark.long), (a_turn_lost, TURNS)])
 def test_a_slip_in_all_rows_of_a_pose_is_found(slip: Slip, said: str, tmp_path: Path) -> None:
     cell, rows = read(simulate(71010, "ladder12", noise=SHEET), tmp_path, in_rows("P4", slip))
     bad, = fit_stiffness(cell, rows.select(rows.visit < 7)).bad_visits
@@ -207,7 +212,7 @@ def test_one_reading_off_at_a_pose_may_be_the_sensor_or_the_table(tmp_path: Path
     """They cannot be told apart: the sensor is named, and the slip that would explain the reading too is said."""
     case = simulate(71007, "poses20", noise=SHEET)
     right = next(f"{angle:.9g}" for angle, label in zip(np.degrees(case.theta[:, 4]), case.pose, strict=True) if label == "P5")
-    diagnosis = diagnose(*read(case, tmp_path, wrong_angle("P5", 5, other_sign)))
+    diagnosis = diagnose(*read(case, tmp_path, wrong_angle("P5", 5, other_sign)), replicates=39)
     assert diagnosis.verdict == "named"
     finding, = [finding for finding in diagnosis.findings if finding.code == "CS1730"]
     assert "P5" in finding.message
@@ -226,7 +231,7 @@ def test_a_wrong_angle_where_few_were_read_is_the_pose_s(tmp_path: Path) -> None
 @pytest.mark.parametrize("tails", [None, 4])
 def test_nothing_wrong_leaves_nothing_out(tails: int | None, tmp_path: Path) -> None:
     noise = replace(SHEET, degrees_of_freedom=tails)
-    for seed in range(71010, 71016):
+    for seed in range(71010, 71013):
         case = simulate(seed, "poses20", noise=noise)
         assert not bad_visits(posterior(LoadTest.of(*read(case, tmp_path)))).bad
 

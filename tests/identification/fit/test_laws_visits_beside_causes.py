@@ -39,6 +39,8 @@ def test_a_pose_at_which_a_cause_does_more_is_no_slip(tmp_path: Path, monkeypatc
     assert [set(bad.rows) for bad in bad_visits(fitted).bad] == [set(data.rows.row[most])]
 
 
+# Long: a pose at which a law does more is asked above.
+@pytest.mark.long
 def test_a_pose_at_which_the_named_law_does_nothing_is_no_slip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Axis 3 is softer about one of its angles, and has another wave over all of them that nobody named: the pose where that
     shows most, far from the worn angle, was said to be written wrongly."""

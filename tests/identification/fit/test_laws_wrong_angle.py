@@ -70,7 +70,7 @@ def test_near_none_is_the_ratio_of_two_normal_distributions(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(("seed", "design", "pose", "axis", "off"), [
-    (71502, "poses20", "P4", 3, 8.0), (71507, "ladder12", "P8", 2, 2.0)])
+    (71502, "poses20", "P4", 3, 8.0), pytest.param(71507, "ladder12", "P8", 2, 2.0, marks=pytest.mark.long)])
 def test_an_angle_that_a_visit_s_own_response_hides_is_told(
     seed: int, design: str, pose: str, axis: int, off: float, tmp_path: Path
 ) -> None:

@@ -139,7 +139,8 @@ def test_rotations_round_trip() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(ARMS))
-@pytest.mark.parametrize("step", [0.0, 1e-6, 1e-3, 0.3, 3.0])
+@pytest.mark.parametrize("step", [
+    0.0, pytest.param(1e-6, marks=pytest.mark.long), 1e-3, pytest.param(0.3, marks=pytest.mark.long), 3.0])
 def test_nearest_angles_are_the_nearest_of_all_branches(name: str, step: float) -> None:
     """The short way, one branch alone, never misses a nearer one: at stretched arms, wrists in line and far references too."""
     model, rng = robot(name), np.random.default_rng(7)

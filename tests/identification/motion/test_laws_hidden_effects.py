@@ -25,7 +25,7 @@ def of_case(seed: int, *faults: tuple[str, float]) -> AxisDiagnosis:
     with TemporaryDirectory() as name:
         fitted = read_motion_log(write(Path(name) / "fitted.csv", columns(seed, dict(faults))))
         other = read_motion_log(write(Path(name) / "other.csv", columns(1000 + seed, dict(faults))))
-        return diagnose_axes([fitted], other)[0]
+        return diagnose_axes([fitted], other, replicates=49)[0]
 
 
 def diagnosed(seed: int, faults: dict[str, float]) -> AxisDiagnosis:
@@ -51,6 +51,9 @@ def test_backlash_is_not_called_a_soft_zone_alone() -> None:
     assert [cause.shape.name for cause in found.causes] in ([], ["backlash"])
 
 
+# Long: each of them is named alone above, and all three lie in the records of test_laws_leaps.py and
+# test_laws_not_the_torque.py.
+@pytest.mark.long
 def test_several_effects_of_motion_together() -> None:
     found = diagnosed(2, IN_MOTION)
     assert found.verdict == "named"
@@ -73,10 +76,10 @@ def test_a_torque_that_advances_is_not_friction() -> None:
 
 
 def test_plain_spring_is_adequate() -> None:
-    assert [diagnosed(seed, {}).verdict for seed in range(20, 22)] == ["adequate", "adequate"]
+    assert diagnosed(20, {}).verdict == "adequate"
 
 
-# Long: two seeds are asked above; of more one in twenty may be open.
+# Long: one seed is asked above; of more one in twenty may be open.
 @pytest.mark.long
 def test_plain_springs_are_seldom_anything_else() -> None:
     verdicts = [diagnosed(seed, {}).verdict for seed in range(20, 25)]
@@ -85,10 +88,15 @@ def test_plain_springs_are_seldom_anything_else() -> None:
 
 
 def test_an_error_that_follows_the_angle() -> None:
-    """25 cycles a turn with a record to find them again in; beside the delay both are named."""
+    """25 cycles a turn with a record to find them again in; """
     alone = diagnosed(0, {"angle_error": 1.0})
     assert [cause.shape.name for cause in alone.causes] == ["transmission_error"]
     assert alone.transmission.cycles == pytest.approx([25], abs=0.5)
+
+
+# Long: a ring's error is named beside that delay in test_laws_transmission.py.
+@pytest.mark.long
+def test_an_error_that_follows_the_angle_beside_a_delay() -> None:
     beside = diagnosed(0, {"angle_error": 1.0, "channel_delay": 1.0})
     assert [cause.shape.name for cause in beside.causes] == ["channel_delay (link)", "transmission_error"]
 
@@ -96,13 +104,13 @@ def test_an_error_that_follows_the_angle() -> None:
 def test_intervals_of_the_stiffness_hold(tmp_path: Path) -> None:
     """With coloured noise and everything that motion brings, 95 % intervals cover, and are not idle."""
     hit, width = 0, []
-    for seed in range(20):
+    for seed in range(10):
         values = columns(100 + seed, IN_MOTION, seconds=10, noise=2e-5)
         one = axis_stiffness(2, [read_motion_log(write(tmp_path / "log.csv", values))])
         low, high = one.interval_95
         hit += low <= STIFFNESS <= high
         width.append((high - low) / STIFFNESS)
-    assert hit >= 17
+    assert hit >= 8          # 95 %: fewer in one of eighty such tens
     assert np.median(width) < 0.25
 
 

@@ -67,7 +67,9 @@ def test_a_zero_that_leaps_alone_is_all_there_is(tmp_path: Path) -> None:
     assert leap == {"effect": "encoder_slip", "record": log.source}
 
 
-@pytest.mark.parametrize("wave", [300.0, 500.0])
+# Long: the zero that leaps is told beside all that motion brings above, and a law is no leap below.
+@pytest.mark.long
+@pytest.mark.parametrize("wave", [300.0, pytest.param(500.0, marks=pytest.mark.long)])
 def test_a_leap_is_sure_beside_what_nothing_explains(tmp_path: Path, wave: float) -> None:
     """A deflection that goes up and down over the torque is no cause's; the zero has leapt all the same."""
     values = columns(420, {}, noise=2e-6)

@@ -148,7 +148,8 @@ def hanging(path: Path, seed: int, *, soft: float, ring: float) -> MotionLog:
                          "q2_torque_nm": carried + 2.0 * rng.standard_normal(len(time))})
 
 
-@pytest.mark.parametrize(("soft", "ring"), [(4e-5, 0.0), (0.0, 1e-4), (4e-5, 1e-4)])
+@pytest.mark.parametrize(("soft", "ring"), [
+    *(pytest.param(*one, marks=pytest.mark.long) for one in ((4e-5, 0.0), (0.0, 1e-4))), (4e-5, 1e-4)])
 def test_a_soft_gear_under_a_weight_is_no_error_over_the_angle(tmp_path: Path, soft: float, ring: float) -> None:
     """It predicts as one, by waves of either kind; the gear's law does it as well, but not what a ring does."""
     logs = [hanging(tmp_path / f"{seed}.csv", seed, soft=soft, ring=ring) for seed in (1, 2)]

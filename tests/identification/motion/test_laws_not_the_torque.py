@@ -29,7 +29,8 @@ def both(folder: Path, seed: int, bends: float, faults: dict[str, float]) -> Mot
     return read_motion_log(write(folder / f"{seed}.csv", two | three))
 
 
-@pytest.mark.parametrize("faults", [{}, {"channel_delay": 1.0, "joint_friction": 1.0}])
+@pytest.mark.parametrize("faults", [
+    {}, pytest.param({"channel_delay": 1.0, "joint_friction": 1.0}, marks=pytest.mark.long)])
 def test_the_torque_of_another_joint_is_named(tmp_path: Path, faults: dict[str, float]) -> None:
     record, other = both(tmp_path, 500, BENDS, faults), both(tmp_path, 501, BENDS, faults)
     two, three = diagnose_axes([record], other, replicates=19)

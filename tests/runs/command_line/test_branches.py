@@ -12,6 +12,7 @@ from tests.runs.command_line.test_followed_calls import AWAY, POINTS, A, B, forc
 from tests.runs.command_line.test_placement import IRB6660, TOOL, K, Path3
 from tests.runs.command_line.user_files import Job
 from tests.runs.milling.carried_job import SLIDE_ZERO, slide_yaml
+from tests.support import long
 
 DATA = "CONST num nKind:=2;\nPERS num nPart:=1;\nVAR num nTurn;\nLOCAL VAR bool bTry;\nPERS bool bCheck:=TRUE;\n"
 
@@ -55,7 +56,7 @@ SETTLED = {
 }
 
 
-@pytest.mark.parametrize("key", ["path_mm", "x_mm"])
+@pytest.mark.parametrize("key", ["path_mm", long("x_mm")])
 @pytest.mark.parametrize("name", SETTLED)
 def test_a_branch_that_the_text_settles_is_followed(tmp_path: Path, name: str, key: str) -> None:
     path = Path3(np.array(POINTS, dtype=float))
@@ -66,7 +67,7 @@ def test_a_branch_that_the_text_settles_is_followed(tmp_path: Path, name: str, k
     seen(tmp_path, order, path, set())
 
 
-@pytest.mark.parametrize("key", ["path_mm", "x_mm"])
+@pytest.mark.parametrize("key", ["path_mm", long("x_mm")])
 @pytest.mark.parametrize("body", [
     "A IF DInput(diCheck)=1 THEN AWAY ENDIF B",
     "A IF nTurn=0 THEN AWAY ENDIF B",                           # another module may set it
@@ -144,7 +145,7 @@ def on_a_track(text: str, path: Path3) -> str:
     return text
 
 
-@pytest.mark.parametrize("key", ["path_mm", "x_mm"])
+@pytest.mark.parametrize("key", ["path_mm", long("x_mm")])
 @pytest.mark.parametrize("body", ["A IF DInput(diCheck)=1 THEN AWAY ENDIF B", "A IF nKind=1 THEN AWAY ENDIF B"])
 def test_a_branch_is_followed_on_a_moving_track(tmp_path: Path, body: str, key: str) -> None:
     """As the program without it is."""

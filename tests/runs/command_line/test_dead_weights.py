@@ -57,7 +57,7 @@ def test_the_plan_says_what_it_cannot_show(planned: tuple[Path, Design, dict]) -
     assert (design.load[:, :2] == 0).all()
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2, pytest.param(3, marks=pytest.mark.long)])
 def test_from_the_plan_to_the_diagnosis(planned: tuple[Path, Design, dict], seed: int) -> None:
     case, cell, file = filled(planned, seed)
     fitted = run("identify", cell, file, "-o", file.with_name("stiffness.json"))["result"]

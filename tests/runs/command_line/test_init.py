@@ -70,6 +70,9 @@ def test_what_init_writes_is_checked_sound(cell: Path) -> None:
     assert "the sheet is empty" in early.err
 
 
+# Long: the tutorial goes the same way through the Makefile (tests/test_documentation.py), and a corrected program lands in
+# test_demo.py.
+@pytest.mark.long
 def test_the_chain_from_the_plan_to_a_part_that_lands(cell: Path) -> None:
     """From plan to correction through the Makefile; the loaded arm is where it was meant to be."""
     planned = make(cell, "plan", "RUNS=4", "KEPT_BACK=1")
@@ -127,7 +130,7 @@ def test_a_plan_that_was_filled_in_is_not_written_over(cell: Path) -> None:
 
 
 def test_the_filled_plan_is_saved_where_the_chain_reads_it(cell: Path, tmp_path: Path) -> None:
-    result = kit.run("design", cell / "cell.yaml", "--quick", "--measurements", "2", "-o", tmp_path / "plan.csv")
+    result = kit.run("design", cell / "cell.yaml", "--quick", "--measurements", "1", "--axes", "z", "-o", tmp_path / "plan.csv")
     # Where the chain of `init` looks for it.
     assert f"-o {tmp_path / 'stiffness.json'}" in result.err
     table = tmp_path / "measurements.csv"

@@ -52,7 +52,7 @@ def test_a_rejected_file_is_refused_unless_told(tmp_path: Path) -> None:
 
 def test_what_is_open_is_said_and_does_not_stop_a_correction(tmp_path: Path) -> None:
     """The tilt of one wrist bearing or of its neighbour (docs/effects.md): the likeliest goes on, and every file says so."""
-    cell, rows = simulate(1, "ladder12", (Hidden("bearing_tilt", 4, 2.0),)).write(tmp_path)
+    cell, rows = simulate(1, "ladder6", (Hidden("bearing_tilt", 4, 2.0),), validation=6).write(tmp_path)
     extended = tmp_path / "extended.json"
     done = compstiff("diagnose", cell, rows, "-o", tmp_path / "d.json", "--extended", extended, "--report", tmp_path / "d.html",
                      "--replicates", "39")

@@ -234,8 +234,8 @@ def test_output_is_one_document_in_a_process_of_its_own(tmp_path: Path) -> None:
     "forces",
     [
         "target,fx_n,fy_n,fz_n\n1,1e8,0,0\n",
-        "target,fx_n,fy_n,fz_n\n1,1e300,0,0\n",
-        pytest.param("target,fx_n,fy_n,fz_n\n1e30,1,2,3\n"),
+        pytest.param("target,fx_n,fy_n,fz_n\n1,1e300,0,0\n", marks=pytest.mark.long),
+        pytest.param("target,fx_n,fy_n,fz_n\n1e30,1,2,3\n", marks=pytest.mark.long),
     ],
 )
 def test_no_python_warning_reaches_the_user(tmp_path: Path, forces: str) -> None:

@@ -271,6 +271,8 @@ def big(tmp_path: Path, count: int = 6000) -> Job:
     return Job(tmp_path, program=kit.module([kit.move(path.text[i % 3]) for i in range(count)]), forces=forces).write()
 
 
+# Long: killed at steps of its writing, in tests/runs/faults/test_faults.py.
+@pytest.mark.long
 def test_killed_while_it_runs(tmp_path: Path) -> None:
     """Late, where the files are written: after these shares of the CPU time, a little earlier where it was over by then."""
     job = big(tmp_path)

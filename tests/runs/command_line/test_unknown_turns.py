@@ -19,7 +19,7 @@ def levels(result: kit.Result, code: str) -> list[str]:
     return [finding["level"] for finding in result.json["findings"] if finding["code"] == code]
 
 
-@pytest.mark.parametrize("key", ["path_mm", "x_mm"])
+@pytest.mark.parametrize("key", [long("path_mm"), "x_mm"])
 @pytest.mark.parametrize("turns", [0, long(1), 3])
 @pytest.mark.parametrize("body", [
     "A FOR i FROM 1 TO GInput(giPasses) DO AWAY ENDFOR B",

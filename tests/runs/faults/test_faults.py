@@ -39,6 +39,8 @@ def test_killed_at_some_steps(tmp_path: Path, command: str) -> None:
     assert killed_at_steps(COMMANDS[command], tmp_path / "place", most=4) == []
 
 
+# Long: a test of these tests: what they see where a file is written in place.
+@pytest.mark.long
 def test_a_fault_that_is_not_dealt_with_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Written in place, and the program before its record: both are named."""
     def in_place(files: dict[Path, Content], **_: object) -> None:

@@ -28,6 +28,9 @@ VALIDATION_POSES = 6
 # The oracle's gain counts where it takes away this share of the squares at least.
 WORTH = 0.1
 ENOUGH = 0.8
+# Enough to tell 5 % from less; where they are not, the program draws more. They take half of the time of the usual number.
+REPLICATES = 39
+FEW = ("--replicates", str(REPLICATES))
 
 
 @dataclass(frozen=True)
@@ -58,18 +61,20 @@ def diagnose(folder: Path, *options: str) -> tuple[Mapping[str, Any], Mapping[st
     return json.loads(written.read_text()), json.loads(extended.read_text())
 
 
-def run(seed: int, *hidden: Hidden, design: str = "ladder12", straight_tool: bool = False) -> Run:
+def run(seed: int, *hidden: Hidden, design: str = "ladder12", straight_tool: bool = False, few: bool = True) -> Run:
     """One case, diagnosed; the same object for the same arguments, in whichever way they are written."""
-    return _kept(seed, hidden, design, straight_tool)
+    return _kept(seed, hidden, design, straight_tool, few)
 
 
-def run_anew(seed: int, hidden: tuple[Hidden, ...] = (), design: str = "ladder12", straight_tool: bool = False) -> Run:
-    """One case, diagnosed; nothing is kept of it."""
+def run_anew(
+    seed: int, hidden: tuple[Hidden, ...] = (), design: str = "ladder12", straight_tool: bool = False, few: bool = True,
+) -> Run:
+    """One case, diagnosed, with few replicates or as many as usual; nothing is kept of it."""
     tool = Tool(tcp=(0.0, 0.0, 0.25)) if straight_tool else None
     case = simulate(seed, design, hidden, validation=VALIDATION_POSES, tool=tool)
     with tempfile.TemporaryDirectory() as name:
         cell_file, file = case.write(name)
-        content, extended = diagnose(Path(name))
+        content, extended = diagnose(Path(name), *(FEW if few else ()))
         cell = read_cell(cell_file)
         measurements = read_measurements(file, cell.robot)
         informed = oracle(cell, measurements, case) if hidden else None
@@ -83,12 +88,19 @@ _kept = cache(run_anew)
 @dataclass(frozen=True)
 class Place:
     """Where the ladder design can see an effect, and what else looks most like it there. long: a faster test, of the desk's
-    load tests or the second cell's, names this effect, too."""
+    load tests or the second cell's, names this effect, too. half: a seed at which half of the poses see it, in half of the
+    time."""
 
     hidden: Hidden
     seed: int
     confounder: Hidden
     long: bool = False
+    half: int | None = None
+
+    @property
+    def run(self) -> Run:
+        """The effect hidden here, diagnosed."""
+        return run(self.seed, self.hidden) if self.half is None else run(self.half, self.hidden, design="ladder6")
 
     @property
     def label(self) -> str:
@@ -97,10 +109,10 @@ class Place:
 
 def place(
     effect: str, joint: int | None, seed: int, confounder: str, at: int | None = None, factor: float = 1.5,
-    long: bool = False,
+    long: bool = False, half: int | None = None,
 ) -> Place:
     """A place; the confounder is hidden at the same joint where `at` does not say otherwise."""
-    return Place(Hidden(effect, joint, factor), seed, Hidden(confounder, at, factor), long)
+    return Place(Hidden(effect, joint, factor), seed, Hidden(confounder, at, factor), long, half)
 
 
 def check_answer(content: Mapping[str, Any]) -> None:

@@ -84,11 +84,13 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell, Measuremen
 # (identification/diagnosis/test_laws_procedure.py).
 @pytest.mark.parametrize(("p_value", "odds", "far", "strains", "verdict"), [
     pytest.param(0.02, None, 1.0, False, "named", marks=pytest.mark.long), (0.02, 6.0, 1.0, False, "unknown"),
-    pytest.param(0.2, None, 1.0, False, "named", marks=pytest.mark.long), (0.2, 6.0, 1.0, False, "adequate"),
+    pytest.param(0.2, None, 1.0, False, "named", marks=pytest.mark.long),
+    pytest.param(0.2, 6.0, 1.0, False, "adequate", marks=pytest.mark.long),
     pytest.param(0.4, None, 1.0, False, "adequate", marks=pytest.mark.long),
     pytest.param(0.4, None, 1.0, True, "named", marks=pytest.mark.long),
     pytest.param(0.4, 6.0, 1.0, True, "adequate", marks=pytest.mark.long),
-    (0.4, None, None, False, "named"), pytest.param(0.4, 6.0, None, False, "unknown", marks=pytest.mark.long)])
+    pytest.param(0.4, None, None, False, "named", marks=pytest.mark.long),
+    pytest.param(0.4, 6.0, None, False, "unknown", marks=pytest.mark.long)])
 def test_what_chance_does_now_and_then_gets_no_name(
     monkeypatch: pytest.MonkeyPatch, searched: tuple[Cell, Measurements, Mistakes, Named], p_value: float, odds: float | None,
     far: float | None, strains: bool, verdict: str,

@@ -119,6 +119,8 @@ def test_stated_numbers_are_worth_what_was_told(
     assert told(everything, "--tighten-zones") == pytest.approx(taken(job, log, tolerance=2.5e-6, tighten_zones=True), rel=1e-6)
 
 
+# Long: what numbers and another place are worth is asked of the same list above and below.
+@pytest.mark.long
 def test_another_pass_is_worth_what_was_told(
     job: MillingJob, log: Path, budget: Budget, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -139,6 +141,8 @@ def test_another_pass_is_worth_what_was_told(
         taken(job, pass2, logged_with=job.offsets(found, "applied.csv"), **depth), rel=0.1)
 
 
+# Long: what stated numbers are worth is asked of the same list above.
+@pytest.mark.long
 def test_another_place_is_worth_what_was_told(job: MillingJob, log: Path, budget: Budget) -> None:
     """The program's own work object moved so, under the same forces."""
     remedy = next(remedy for remedy in budget.remedies if "work object" in remedy.name)
@@ -174,7 +178,14 @@ def test_the_command_says_it(job: MillingJob, log: Path, budget: Budget) -> None
     assert f"error budget for {TOLERANCE_UM:g} um" in shown.out + shown.err
     for wrong in (("--budget",), ("--tolerance-um", "50"), ("--depth-of-cut", "2"), ("--cutting-stiffness", "20")):
         assert kit.run(*arguments, *wrong).code == 2
-    # Stated, the cut is spent less on.
+
+
+# Long: that stated numbers are worth what was told is asked above.
+@pytest.mark.long
+def test_a_stated_cut_is_spent_less_on(job: MillingJob, log: Path, budget: Budget) -> None:
+    arguments = ("predict", job.cell, job.program, "--stiffness", job.folder / "stiffness.json", "--forces", log,
+                 "--tare", "0:2", "-o", job.folder / "deviation.csv", "--force")
+    said = budget.as_dict()
     known = kit.run(*arguments, "--budget", "--tolerance-um", TOLERANCE_UM, "--cutting-stiffness", "25:5", "--json").json
     assert known["result"]["budget"]["causes"]["cut"]["share_of_tolerance"] < 0.5 * said["causes"]["cut"]["share_of_tolerance"]
 

@@ -71,7 +71,7 @@ def test_the_column_says_where_the_written_targets_stand(job: MillingJob, found:
     assert not np.allclose(job.part.target_mm[added.first], found.part.target_mm[added.first], atol=1e-3)
 
 
-@pytest.mark.parametrize("ahead", [False, True])
+@pytest.mark.parametrize("ahead", [pytest.param(False, marks=pytest.mark.long), True])
 def test_a_log_by_the_corrected_programs_numbers_is_that_log(
     job: MillingJob, found: Correction, offsets: Path, second: milling.Pass, ahead: bool
 ) -> None:

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from tests.runs.command_line import user_files as kit
 from tests.runs.milling.line_job import ARCS, DENSE, LINES, SHORT, LineJob
+from tests.support import long
 from tests.virtual_cell import controller
 from tests.virtual_cell.arm import ARMS
 
@@ -42,7 +43,8 @@ def codes(result: dict) -> set[str]:
     return {finding["code"] for finding in result["findings"]}
 
 
-@pytest.mark.parametrize(("path", "tolerance"), [(LINES, 2.0), (LINES, 20.0), (ARCS, 3.0), (ARCS, 20.0), (SHORT, 5.0)])
+@pytest.mark.parametrize(("path", "tolerance"), [
+    (LINES, 2.0), long(LINES, 20.0), (ARCS, 3.0), long(ARCS, 20.0), (SHORT, 5.0)])
 def test_the_tolerance_is_kept_between_targets(tmp_path: Path, path: str, tolerance: float) -> None:
     job = LineJob(tmp_path, path, zone="z0")
     assert job.off_um(job.program).max() > 200
@@ -60,7 +62,7 @@ def test_the_tolerance_is_kept_between_targets(tmp_path: Path, path: str, tolera
 
 
 @pytest.mark.parametrize("by", ["position", "joints", "target"])
-@pytest.mark.parametrize("robot", [RODS, SERIAL])
+@pytest.mark.parametrize("robot", [RODS, long(SERIAL)])
 def test_whatever_places_the_log(tmp_path: Path, robot: str, by: str) -> None:
     """A log that names targets says no more than its targets do: they stand every millimetre."""
     job = LineJob(tmp_path, DENSE if by == "target" else ARCS, robot, zone="z0")

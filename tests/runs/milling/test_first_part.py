@@ -153,7 +153,7 @@ def test_the_program_as_it_is_yields_and_cuts_less(tmp_path: Path) -> None:
     ({}, "CS4740", "they agree"), ({"edge_n_mm": (55.4, 53.2, 0.7)}, "CS4741", "worn edges"),
     long({"feed_mm_s": 25.2}, "CS4741 CS4742", "feed of"),
     long({"runout_mm": (0.024, 0.0, 0.0)}, "CS4740 CS4741 CS4742", "run out"),
-    ({"shear_n_mm2": (1073.8, 236.3, 310.8), "edge_n_mm": (38.8, 37.2, 1.0)}, "CS4741", "another material")])
+    long({"shear_n_mm2": (1073.8, 236.3, 310.8), "edge_n_mm": (38.8, 37.2, 1.0)}, "CS4741", "another material")])
 def test_a_log_beside_the_stock(shop: Shop, fitted: dict[str, Any], tmp_path: Path, changed: dict[str, Any], code: str,
                                 words: str) -> None:
     """What was changed in the virtual cell since A was logged is named from a log of B."""
@@ -426,6 +426,8 @@ def test_a_batch_takes_logs_and_stocks(shop: Shop, fitted: dict[str, Any], tmp_p
     assert (record["stock"]["file"], record["blank"]["file"]) == ("b.stock.yaml", "b.blank.npz")
 
 
+# Long: a batch takes stocks above; what is taken again, tests/compstiff/batch/test_contract_watch.py.
+@pytest.mark.long
 def test_a_watch_takes_a_stock_and_another_one_again(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
     """Once for each content of the stock, what its file names included; then by the log that comes."""
     assert fitted["grades"]
@@ -456,6 +458,8 @@ def test_a_watch_takes_a_stock_and_another_one_again(shop: Shop, fitted: dict[st
     assert [len(line["stocks_sha256"]) for line in journal if line["event"] == "done"] == [1, 1, 1]
 
 
+# Long: that a gain is in the covariance of what is fitted is held in tests/identification/fit/test_laws_force_gain.py.
+@pytest.mark.long
 def test_an_uncertain_gain_of_the_sensor_is_in_the_coefficients_and_moves_none(shop: Shop, tmp_path: Path) -> None:
     """All six are as uncertain together as the gain: g^2 c c^T beside what the rows tell."""
     kept = {}
@@ -476,6 +480,7 @@ def test_an_uncertain_gain_of_the_sensor_is_in_the_coefficients_and_moves_none(s
     assert 0.3 < np.sqrt(sizes[-1]) / (np.radians(3) * mean.max()) < 3
 
 
+# Long: what a seat that may be turned makes uncertain, tests/compensator/correction/test_laws_stated_errors.py.
 @pytest.mark.long
 def test_a_sensor_that_may_be_turned_makes_coefficients_uncertain_as_turned_ones_say(shop: Shop, tmp_path: Path) -> None:
     """Fitted again with the sensor's stated axes turned by a third of a degree about each: what they move by is the sigma."""

@@ -98,6 +98,9 @@ def test_the_second_part_is_better_than_a_mirrored_one(
     assert again < mirror
 
 
+# Long: the second part does above, and the springs in motion are what carries over to another: they are learned in
+# test_it_learns_the_truth; benchmarks/learning.py has more parts.
+@pytest.mark.long
 def test_another_part_gets_better_too(both: Both, stiffness: Path, learned: Path) -> None:
     other = both.other
     log = other.log(other.first, other.planned, "pass1.csv")
@@ -108,6 +111,9 @@ def test_another_part_gets_better_too(both: Both, stiffness: Path, learned: Path
     assert nothing < 0.97 * unlearned
 
 
+# Long: a log of a corrected pass without its offsets is told in test_silent_cutting.py, what the file is made of in
+# tests/compensator/learning.
+@pytest.mark.long
 def test_a_corrected_part_teaches_with_the_offsets_it_was_milled_with(
     job: ErringJob, stiffness: Path, log: Path, tmp_path: Path, plain: tuple[Correction, float, float]
 ) -> None:
@@ -136,6 +142,8 @@ def test_a_corrected_part_teaches_with_the_offsets_it_was_milled_with(
     assert (other.code, "CS4121" in other.err) == (1, True)
 
 
+# Long: that the part gets better is asked above; this says that it could be otherwise.
+@pytest.mark.long
 def test_the_other_sign_would_make_it_worse(
     job: ErringJob, stiffness: Path, log: Path, learned: Path, plain: tuple[Correction, float, float]
 ) -> None:
@@ -177,6 +185,8 @@ def test_where_no_part_was_measured_nothing_is_added(job: ErringJob, stiffness: 
     assert found.job.as_dict()["expected_left_um"]["learned"] > 1.7 * width
 
 
+# Long: such points are learned from in test_silent_points.py.
+@pytest.mark.long
 def test_points_of_the_surface_along_their_normal(job: ErringJob, stiffness: Path, log: Path) -> None:
     points = job.measure(job.first, "normals.csv", along_normal=True)
     learning, output = job.learn(stiffness, log, points, radius=1e-3 * job.cutter.radius_mm, within=2e-3)
@@ -211,6 +221,8 @@ def test_a_remainder_larger_than_physics_is_refused(job: ErringJob, stiffness: P
     assert "calibration" in stopped.value.findings[0].message
 
 
+# Long: what chance teaches is held in tests/compensator/learning/test_laws_learning.py.
+@pytest.mark.long
 def test_noise_alone_teaches_nothing(job: ErringJob, stiffness: Path, log: Path) -> None:
     """A cell that is as its model says, measured with noise: no remainder, and the prediction stays within a micrometre."""
     plain = ErringJob(job.folder.parent.parent / "plain", 1, design="poses20", motion=1.0)
@@ -295,6 +307,9 @@ def test_the_record_and_the_report_name_it(job: ErringJob, stiffness: Path, log:
     assert "left out once" in page
 
 
+# Long: what was learned is among the causes of what is stated for the part above, and the budget has each cause
+# (test_budget.py).
+@pytest.mark.long
 def test_the_error_budget_has_what_was_learned(
     job: ErringJob, stiffness: Path, log: Path, learned: Path, tmp_path: Path
 ) -> None:

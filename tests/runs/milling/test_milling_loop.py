@@ -150,6 +150,8 @@ def test_the_material_makes_walls_better_and_leaves_the_slot_alone(
     assert np.mean(off <= 2 * before.steps.between(known.left_um)[before.cutting]) > 0.95
 
 
+# Long: what a stated depth tells of the force is held in tests/compensator/correction/test_laws_expected_left.py.
+@pytest.mark.long
 def test_a_stated_depth_of_the_slot_makes_it_right_on_a_soft_arm(tmp_path: Path) -> None:
     """An arm that the push across moves along the tool's axis, in steel: the force in the slot grows with the depth there, by
     nothing that is known of walls. The truth: how the virtual cell's force grows with the depth, at the targets of the slot."""
@@ -296,6 +298,8 @@ def test_literature_stiffness_leaves_more(job: MillingJob, first: Pass, second: 
     assert gone(job.first, mirrored) < gone(first, second) - 0.1
 
 
+# Long: places that wait for the next log get better by it below.
+@pytest.mark.long
 def test_what_the_force_follows_goes_with_the_next_log(
     job: MillingJob, stiffness: Path, corrected: Correction, first: Pass, second: Pass
 ) -> None:
@@ -313,6 +317,9 @@ def test_what_the_force_follows_goes_with_the_next_log(
         assert left[2] < 0.75 * left[0]
 
 
+# Long: play that came to the robot is named and carried in test_part_causes.py; a tool stands on the plan with it in force in
+# tests/compensator/correction/test_laws_effects_in_force.py.
+@pytest.mark.long
 def test_a_hidden_backlash_is_diagnosed_and_corrected(tmp_path: Path) -> None:
     """Half the gap is 60 um at the tool, either way as the force turns."""
     job = MillingJob(tmp_path, 7000, parse("backlash:1"), design="poses20", part=slot_and_pocket(pocket=False))

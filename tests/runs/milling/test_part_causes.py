@@ -76,6 +76,8 @@ def test_play_that_came_is_named_with_its_size(job: ErringJob, learned: Path) ->
     assert "free play" in page
 
 
+# Long: the play is named with its size above, and the model carries it; a second part gets better in test_learning.py.
+@pytest.mark.long
 def test_the_next_part_is_better_by_it(job: ErringJob, stiffness: Path, log: Path, learned: Path) -> None:
     """With the effect taken out of the learned file, springs and all the rest as they are, the part is worse."""
     content = json.loads(learned.read_text())
@@ -94,6 +96,8 @@ def test_the_next_part_is_better_by_it(job: ErringJob, stiffness: Path, log: Pat
     assert left[0] < 0.6 * left[1]
 
 
+# Long: the extended model of a load test carries such a law (tests/identification/diagnosis/test_contract_answers.py).
+@pytest.mark.long
 def test_a_law_that_is_not_the_dictionarys_is_carried_with_what_it_is_off(tmp_path: Path) -> None:
     """Friction that slips in eight elements of one size, log-evenly spread, which the dictionary spreads evenly and of growing
     size: how far the arm of the virtual cell yields under given forces on another part, against the model of the learned file.

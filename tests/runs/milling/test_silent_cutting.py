@@ -71,7 +71,7 @@ def test_a_stock_that_stands_higher_in_its_file(job: MillingJob) -> None:
 
 
 @pytest.mark.parametrize(("old", "new", "said"), [
-    ("teeth: 3", "teeth: 2", {"CS3094"}), long("teeth: 3", "teeth: 4", {"CS3094"}), ("9000", "4500", {"CS3094"}),
+    ("teeth: 3", "teeth: 2", {"CS3094"}), long("teeth: 3", "teeth: 4", {"CS3094"}), long("9000", "4500", {"CS3094"}),
     ("9000", "18000", {"CS3035"}), ("aluminium", "titanium", {"CS4747"}), long("aluminium", "superalloy", {"CS4747"})])
 def test_a_cutter_a_speed_and_a_material_that_are_not_those_of_the_log(
     job: MillingJob, old: str, new: str, said: set[str]

@@ -63,7 +63,7 @@ def test_a_direction_that_no_point_shows(job: ErringJob) -> None:
         assert "CS5331" not in kit.codes(learned(job, points, "--tool-radius-mm", RADIUS, "--within-mm", 10))
 
 
-@pytest.mark.parametrize(("share", "said"), [(1.0, set()), (0.6, {"CS5328"})])
+@pytest.mark.parametrize(("share", "said"), [long(1.0, set()), (0.6, {"CS5328"})])
 def test_a_part_that_is_off_by_less_than_the_robot_yields(job: ErringJob, share: float, said: set[str]) -> None:
     assert told(job, job.measure(job.first, "points.csv", values_um=share * job.first.off_um)) == said
 
@@ -77,7 +77,7 @@ def test_zeros_where_nothing_was_measured(job: ErringJob) -> None:
     assert "CS6047" in told(job, file)
 
 
-@pytest.mark.parametrize(("by", "said"), [long(0, set()), (1, set()), (6, {"CS5329"}), long(-8, {"CS5329"})])
+@pytest.mark.parametrize(("by", "said"), [long(0, set()), long(1, set()), (6, {"CS5329"}), long(-8, {"CS5329"})])
 def test_deviations_that_were_shifted_against_their_places(job: ErringJob, by: int, said: set[str]) -> None:
     """By rows of half a millimetre; one is within how well a log is placed."""
     file = job.measure(job.first, "shifted.csv")

@@ -36,16 +36,18 @@ def diagnosed(folder: Path, cell: Path, table: Path, *options: object) -> dict:
 REFUSED = {"readings a row high": "CS1700", "readings raw": "CS1700", "forces in kgf": "CS1018"}
 
 
-# Long: another sign is named and mended, and so are readings that slipped by a row; angles counted otherwise, on a FANUC; a
-# joint's zero is named in tests/second_cell/test_answers.py. A few poses: what is plain in them is plain.
+# Long: another sign is named below; angles counted otherwise, on a FANUC; a
+# joint's zero is named in tests/second_cell/test_answers.py; what each is put back to is held in
+# tests/identification/fit/test_laws_mistakes.py. A few poses: what is plain in them is plain.
 @pytest.mark.parametrize(("name", "robot", "seed", "suffix"), [
     pytest.param("force sign", VIRTUAL, 3, ".csv", marks=pytest.mark.long),
     pytest.param("joint zero 2 deg", "irb4400-60", 5, ".csv", marks=pytest.mark.long),
-    ("TCP in inches", "irb6700-200-2.60", 4, ".yaml"), ("sign in the second half", "irb6640-235-2.55", 6, ".csv"),
-    ("readings a row high", "irb6640-235-2.55", 5910002, ".csv"),
+    ("TCP in inches", "irb6700-200-2.60", 4, ".yaml"),
+    pytest.param("sign in the second half", "irb6640-235-2.55", 6, ".csv", marks=pytest.mark.long),
+    pytest.param("readings a row high", "irb6640-235-2.55", 5910002, ".csv", marks=pytest.mark.long),
     pytest.param("poses one down", "irb4400-60", 9, ".csv", marks=pytest.mark.long),
     ("times in ms", VIRTUAL, 7, ".csv"), ("forces in kgf", VIRTUAL, 8, ".csv"),
-    ("readings raw", "irb4400-60", 10, ".csv"), ("turns not counted", VIRTUAL, 11, ".csv"),
+    ("readings raw", "irb4400-60", 10, ".csv"), pytest.param("turns not counted", VIRTUAL, 11, ".csv", marks=pytest.mark.long),
     pytest.param("q3 with q2", "irb6640-235-2.55", 12, ".csv", marks=pytest.mark.long),
 ])
 def test_a_mistake_is_named_and_mended(tmp_path: Path, name: str, robot: str, seed: int, suffix: str) -> None:
@@ -104,6 +106,9 @@ def test_one_gauge_that_ends_before_the_others_do_is_named(tmp_path: Path) -> No
 
 
 # Long: the same crowding out by another robot, where its unknown weight may have moved the readings nearly as well.
+# Long: a TCP in inches is named above, and how likely three free coordinates are is held in
+# tests/identification/fit/test_laws_mistakes.py.
+@pytest.mark.long
 @pytest.mark.parametrize(("robot", "seed", "poses", "verdict"), [
     ("irb4400-60", 5600001, 8, "mistake"), pytest.param("irb6640-235-2.55", 5600006, 12, "ambiguous", marks=pytest.mark.long)])
 def test_a_tcp_that_is_off_is_no_soft_spindle(tmp_path: Path, robot: str, seed: int, poses: int, verdict: str) -> None:
@@ -121,7 +126,7 @@ def test_a_tcp_that_is_off_is_no_soft_spindle(tmp_path: Path, robot: str, seed: 
 # Long: another mix-up of the same rows stays; test_no_model_comes_from_rows_with_a_mistake asks the last one's name.
 @pytest.mark.parametrize(("name", "seed", "key", "also"), [
     pytest.param("deflection sign", 430002, "deflection_sign[x]", "", marks=pytest.mark.long),
-    ("deflections swapped", 430002, "deflection_swapped[xy]", ""),
+    pytest.param("deflections swapped", 430002, "deflection_swapped[xy]", "", marks=pytest.mark.long),
     ("force sign", 430004, "force_sign[x]", "dx seems to have the other sign"),
     pytest.param("deflections cyclic", 430004, "deflection_axes[dy dz dx]", "", marks=pytest.mark.long)])
 def test_mistakes_that_leave_the_same_rows_are_one(tmp_path: Path, name: str, seed: int, key: str, also: str) -> None:
@@ -150,6 +155,9 @@ def test_a_load_under_the_zero_is_found_in_a_short_test(tmp_path: Path, seed: in
     assert {cause["effect"] for cause in found["alternatives"]} <= {"force_offset"}
 
 
+# Long: rows that fit other springs than the rest are told by tests/identification/fit/test_laws_mistakes.py, and on the
+# command line by test_check.py.
+@pytest.mark.long
 def test_rows_of_two_robots_are_parted(tmp_path: Path) -> None:
     cell, table = two_robots(12, "irb6700-200-2.60").write(tmp_path)
     found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended.csv")
@@ -159,7 +167,7 @@ def test_rows_of_two_robots_are_parted(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("column", "factor", "key", "words"), [
     ("force", 1 / 9.80665, "force_unit", "forces seem to be in kgf"),
-    ("moved", 1e-3, "deflection_unit", "deflections seem to be in mm")])
+    pytest.param("moved", 1e-3, "deflection_unit", "deflections seem to be in mm", marks=pytest.mark.long)])
 def test_another_unit_from_a_row_on_is_no_other_robot(tmp_path: Path, column: str, factor: float, key: str, words: str) -> None:
     """Two robots would fit six springs to what one factor is."""
     case = first(right(14, "irb6700-200-2.60"), 4)
@@ -267,6 +275,9 @@ def test_another_robot_of_the_same_maker_is_named(tmp_path: Path) -> None:
     assert "robot: irb7600-150-3.50" in (tmp_path / "mended.yaml").read_text()
 
 
+# Long: what angles were counted otherwise is told by the fit in tests/identification/fit/test_laws_mistakes.py, and another
+# robot is named and mended above.
+@pytest.mark.long
 def test_angles_from_ros_on_a_fanuc_are_named(tmp_path: Path) -> None:
     """There J3 is counted against the lower arm, not against the horizontal as on the pendant."""
     pendant = first(right(13, "m710ic-50"), 4)

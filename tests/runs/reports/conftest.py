@@ -13,7 +13,7 @@ import compstiff
 from compensator.correction.correct import Corrected
 from identification.common.scene import SpaceLine, scene
 from tests.runs.reports.browser import chromium
-from tests.runs.reports.pages import diagnoses, joint_logs, learning, page_with, turned_measurements, verification
+from tests.runs.reports.pages import LIKE_ANOTHER, diagnoses, joint_logs, learning, page_with, turned_measurements, verification
 
 
 @pytest.fixture(scope="session")
@@ -30,16 +30,18 @@ def browser(launch: Callable[..., Any]) -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
-def folder(tmp_path_factory: pytest.TempPathFactory, sample: Corrected) -> Path:
-    """Every kind of report, `diagnose` with every verdict, and corner, each .html."""
+def folder(pytestconfig: pytest.Config, tmp_path_factory: pytest.TempPathFactory, sample: Corrected) -> Path:
+    """Every kind of report, `diagnose` with every verdict, and corner, each .html. Without `--long` not those that only long
+    tests look at."""
     where, cell = tmp_path_factory.mktemp("reports"), sample.planned.cell
     turned = compstiff.read_measurements(turned_measurements(where), cell.robot)
     results = {
         "correct": sample, "predict": sample.planned, "budget": compstiff.error_budget(sample.planned, 50e-6),
         "identify": compstiff.fit_stiffness(cell, turned), "diagnose": compstiff.diagnose(cell, turned, replicates=19),
         "verify": verification(where, cell),
-        "design": compstiff.design_plan(cell, compstiff.Request(measurements=2, axes="z"), quick=True),
-        "learn": learning(where, sample.planned), **joint_logs(where), **diagnoses(where)}
+        "design": compstiff.design_plan(cell, compstiff.Request(measurements=1, axes="z"), quick=True),
+        "learn": learning(where, sample.planned), **joint_logs(where),
+        **diagnoses(where, () if pytestconfig.getoption("--long") else LIKE_ANOTHER)}
     pages = {name: compstiff.report(result) for name, result in results.items()}
     # An L: 80 along x, then 30 along y.
     corner = SpaceLine(np.array([[0.0, 0, 0], [80, 0, 0], [80, 30, 0]]), "before", 4.0)

@@ -21,12 +21,10 @@ from compensator.correction.settings import Settings
 from identification.common.packed import packed
 from identification.common.shipped import shipped
 from tests.runs.reports.browser import opened
-from tests.runs.reports.pages import VERDICTS
+from tests.runs.reports.pages import LIKE_ANOTHER, VERDICTS
 
 NAMES = ("correct", "predict", "budget", "identify", "diagnose", "verify", "corner", "design", "learn", "motion_identify",
          "motion_diagnose", *VERDICTS, "mistake")
-# Pages of the kind that another page has too are looked at with --long.
-LIKE_ANOTHER = ("predict", "named", "ambiguous")
 AXE = Path(__file__).parent / "vendor" / "axe.min.js"
 # The pixels of a canvas.
 PIXELS = """canvas => {
@@ -79,7 +77,8 @@ def test_no_request_no_complaint_no_overflow(browser: Any, folder: Path, name: s
     found.page.close()
 
 
-@pytest.mark.parametrize("name", each_kind(NAMES))
+# Long: further verdicts of `diagnose`, of which one is looked at.
+@pytest.mark.parametrize("name", each_kind(NAMES, "adequate", "unknown", "mistake"))
 def test_no_serious_obstacle(browser: Any, folder: Path, name: str) -> None:
     """By axe-core: names of controls, order of headings, tables, contrast."""
     look_for_obstacles(browser, folder, name, "light")
@@ -112,7 +111,8 @@ def test_sentences_in_tables_have_room_on_a_telephone(browser: Any, folder: Path
     page.close()
 
 
-@pytest.mark.parametrize("language", ["en-US@posix", pytest.param("de-DE", marks=pytest.mark.long), "ar-EG"])
+@pytest.mark.parametrize("language", [
+    "en-US@posix", *(pytest.param(name, marks=pytest.mark.long) for name in ("de-DE", "ar-EG"))])
 def test_the_path_is_there_in_every_language(browser: Any, folder: Path, language: str) -> None:
     """One that no page can read, as a computer without a language has it (LANG=C), a comma for the decimals, other digits."""
     said = f"Object.defineProperty(Navigator.prototype, 'language', {{ get: () => '{language}' }})"
