@@ -17,7 +17,8 @@ from identification.common.findings import Finding
 # Steps whose cut ends so near to the top reach it [m]; the top is tried within so much, 1 sigma, and told for so much [m].
 AT_THE_TOP, TRIED, A_MILLIMETRE = 0.1e-3, 1e-3, 1e-3
 # The log speaks for another top where a fit leaves so large a share of the force, and with it so much less: of 33 logs in
-# stocks as their files said none came under 0.48 of it, of two in stocks 1 mm too thick both to 0.14 (benchmarks/stock_jobs.py).
+# stocks as their files said none came under 0.48 of it, of two in stocks 1 mm too thick both to 0.14
+# (benchmarks/stock_jobs.py).
 LEAVES, LESS = 0.04, 0.4
 
 
