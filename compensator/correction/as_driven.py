@@ -13,7 +13,7 @@ from identification.common.findings import Finding
 
 Array = NDArray[np.float64]
 # So many targets, and so large a deflection across the path [m, RMS], say something.
-FEWEST, LEAST = 40, 3e-5
+FEWEST, LEAST = 12, 3e-5
 # The positions stand off as the deflection does where it explains this share of their square, and they are so many times of it;
 # not as the offsets of --logged-with where they are under this share of them (engineering judgement).
 EXPLAINS, TIMES, HARDLY = 0.5, (0.7, 1.4), 0.3
@@ -24,9 +24,18 @@ IN_A_ROW, STRETCH, SHARE = 15, 2.5e-4, 0.12
 
 
 def said_of_positions(planned: Predicted, offsets: Array | None) -> tuple[Finding, ...]:
-    """Warnings (CS3075, CS3076, CS3120). offsets (N, 3) [m], base frame, that the pass is said to have had; None: none."""
+    """Warnings (CS3075, CS3076, CS3120). offsets (N, 3) [m], base frame, that the pass is said to have had; None: none.
+    Where all of the log lies beside the path (CS3120 of its placing) only that it stands there as a corrected pass does is said
+    too."""
+    found = _judged(planned, offsets)
+    if offsets is None and any(finding.code == "CS3120" for finding in planned.findings):
+        return tuple(finding for finding in found if finding.code == "CS3075")
+    return found
+
+
+def _judged(planned: Predicted, offsets: Array | None) -> tuple[Finding, ...]:
     log, path, targets = planned.forces.log, planned.path, planned.targets
-    if log.beside is None or path.axes.driven or any(finding.code == "CS3120" for finding in planned.findings):
+    if log.beside is None or path.axes.driven:
         return ()
     placed = np.isfinite(log.place) & np.isfinite(log.beside).all(axis=1)
     target = nearest_target(path.length, log.place[placed])

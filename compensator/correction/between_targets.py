@@ -66,7 +66,7 @@ def left_between(looked_at: LookedAt, commanded: Frame, logged: LoggedPass) -> B
     pass the forces are of; with a cutting stiffness they are those of the corrected pass."""
     grid, fine, path = looked_at.grid, looked_at.fine, looked_at.fine.path
     points = fine.targets[grid.further[fine.targets]]
-    offsets = None if logged.offsets is None else logged.offsets[grid.targets]
+    offsets = None if logged.offsets is None else logged.offsets.of(grid.targets)
     under, prediction = following_the_cut(fine, grid.kept, replace(logged, offsets=offsets))
     target = path.axes.to_rest(commanded, looked_at.at)
     pose = path.axes.to_base(_commanded(looked_at, target, points), points)

@@ -31,6 +31,7 @@ from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction, predict_path
+from compensator.correction.sent_offsets import SentOffsets, places_of
 from compensator.correction.slot_cut import Slots, slots
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
@@ -73,10 +74,10 @@ def across_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
 @dataclass(frozen=True, eq=False)
 class LoggedPass:
     """What is known of the pass that the log was taken in. on_plan: the forces are those of a tool on the plan, as predicted
-    ones are, and a corrected tool meets them. offsets (N, 3) [m], base frame, that the program had then, None: it
-    was the planned one; stiffness: of the cut [N/m], None: not known; slot: the same of a slot, along the tool's axis."""
+    ones are, and a corrected tool meets them. offsets: that the program had then, None: it was the planned one; stiffness: of
+    the cut [N/m], None: not known; slot: the same of a slot, along the tool's axis."""
 
-    offsets: Array | None
+    offsets: SentOffsets | None
     stiffness: CuttingStiffness | None
     findings: tuple[Finding, ...] = ()
     on_plan: bool = False
@@ -275,11 +276,12 @@ def _check_gain(predicted: Predicted, stiffness: Array, direction: Array) -> flo
     return gain
 
 
-def _at_all(offsets: Array | None, kept: Indices, predicted: Predicted) -> Array | None:
-    """Offsets of the targets as given, at all targets of the program (N, 3) [m]."""
+def _at_all(offsets: SentOffsets | None, kept: Indices, predicted: Predicted) -> Array | None:
+    """The offsets of the logged pass at all targets of the program (N, 3) [m], as the log knows them."""
     if offsets is None:
         return None
-    return np.column_stack([np.interp(np.arange(len(predicted.path.toolpath)), kept, axis) for axis in offsets.T])
+    length = predicted.path.length
+    return offsets.felt(places_of(kept, length), length)
 
 
 def standing(predicted: Predicted, offsets: Array | None) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +17,11 @@ from compensator.correction.engagement import LoggedPass, across_feed, depth_log
 from compensator.correction.known_slot import known_slot, slot_of_passes
 from compensator.correction.predict import Predicted, under_forces
 from compensator.correction.recorded import said_of_offsets
+from compensator.correction.sent_offsets import driven_with, read_offsets
 from compensator.correction.settings import Estimate
 from compensator.forces.two_logs import compared
-from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding, Refused, counted, error
 from identification.common.quantities import two_sigma
-from identification.common.tables import read_table
 
 Array = NDArray[np.float64]
 FEWEST_TARGETS = 40
@@ -33,9 +31,6 @@ FEWEST_TARGETS = 40
 FALLS = 50.0
 # No cut is deeper across the feed [m].
 DEEPEST = 0.2
-# The planned positions in an offsets file are this program's [m].
-SAME_PLACE = 2e-6
-OFFSETS, PLACES = ("ox_mm", "oy_mm", "oz_mm"), ("x_mm", "y_mm", "z_mm")
 
 
 def logged_pass(planned: Predicted) -> tuple[LoggedPass, Predicted]:
@@ -45,19 +40,20 @@ def logged_pass(planned: Predicted) -> tuple[LoggedPass, Predicted]:
     settings = planned.settings.correction
     if planned.forces.unknown is not None:
         return LoggedPass(None, None, on_plan=True), planned
-    offsets = read_offsets(settings.logged_with, planned.path) if settings.logged_with else None
-    predicted = as_sent(planned, offsets)
+    sent = driven_with(read_offsets(settings.logged_with, planned.path), planned) if settings.logged_with else None
+    predicted = as_sent(planned, sent)
+    offsets = None if sent is None else sent.at_targets(planned.path.length)
     prior, findings = known_before(predicted, offsets)
     findings = (*driven_as_said(planned), *findings)
-    if settings.first_forces is None or offsets is None:
+    if settings.first_forces is None or sent is None or offsets is None:
         slot, of_slot = known_slot(predicted, offsets, prior)
-        return LoggedPass(offsets, prior, (*findings, *of_slot), slot=slot), predicted
+        return LoggedPass(sent, prior, (*findings, *of_slot), slot=slot), predicted
     alone = replace(planned.settings, correction=replace(settings, logged_with=None))
     first = under_forces(planned.path, planned.program, planned.model, settings.first_forces, alone, planned.loaded.learned)
     agreed = compared(first.forces, predicted.forces, planned.path)
     stiffness, told = of_passes(prior, [pass_pair(first, predicted, offsets)], predicted)
     slot, of_slot = slot_of_passes(first, predicted, offsets, prior)
-    return LoggedPass(offsets, stiffness, (*findings, *agreed, *told, *of_slot), slot=slot), predicted
+    return LoggedPass(sent, stiffness, (*findings, *agreed, *told, *of_slot), slot=slot), predicted
 
 
 def driven_as_said(predicted: Predicted) -> tuple[Finding, ...]:
@@ -66,8 +62,9 @@ def driven_as_said(predicted: Predicted) -> tuple[Finding, ...]:
     logged_with = predicted.settings.correction.logged_with
     if logged_with is None:
         return said_of_positions(predicted, None)
-    return (*said_of_offsets(logged_with, predicted.program.source, predicted.cell.robot.name),
-            *said_of_positions(predicted, read_offsets(logged_with, predicted.path)))
+    sent = driven_with(read_offsets(logged_with, predicted.path), predicted)
+    return (*said_of_offsets(logged_with, predicted.program.source, predicted.cell.robot.name), *sent.findings,
+            *said_of_positions(predicted, sent.at_targets(predicted.path.length)))
 
 
 def known_before(
@@ -178,25 +175,6 @@ def of_passes(
             "logged, and what it may leave is in left_um", file=source,
             hint="is each log that of its pass? Another pair, or --cutting-stiffness, tells more"))
     return found, tuple(findings)
-
-
-def read_offsets(file: Path, path: RobotPath) -> Array:
-    """The offsets (N, 3) [m], base frame, that the program had in a pass: an offsets.csv of this program.
-
-    Raises CompstiffError: CS4121 the file belongs to another program; and what `read_table` raises.
-    """
-    table = read_table(file, required=("target", *OFFSETS), optional=PLACES, may_be_empty=PLACES)
-    count = len(path.toolpath)
-    wrong = "" if np.array_equal(table.numbers["target"], np.arange(count)) else (
-        f"has {counted(len(table), 'row')}, the program {counted(count, 'target')}: expected one row a target, in order")
-    if not wrong and all(name in table.numbers for name in PLACES):
-        apart = np.linalg.norm(1e-3 * table.stack(*PLACES) - path.toolpath.position, axis=1)
-        if np.nanmax(apart, initial=0.0) > SAME_PLACE:
-            wrong = f"target {int(np.nanargmax(apart))} is {1e3 * np.nanmax(apart):.4g} mm from where this program has it"
-    if wrong:
-        raise error("CS4121", f"these are not the offsets of this program: {wrong}", file=str(file),
-                    hint="name the offsets.csv that was written with the program the log was taken with")
-    return np.asarray(np.einsum("nij,nj->ni", path.base_from_object.rotation, 1e-3 * table.stack(*OFFSETS)))
 
 
 def pass_pair(first: Predicted, second: Predicted, offsets: Array) -> PassPair:

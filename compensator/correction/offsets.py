@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from compensator.correction.correct import Corrected
 from compensator.correction.predict import Predicted
 from compensator.forces.gaps import without_sample_in_cut
-from identification.common.added_targets import ADDED, added_text
+from identification.common.added_targets import ADDED, added_offset_texts, added_text
 from identification.common.arrow import arrow_csv, number_column, text_column
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ def offsets_csv(corrected: Corrected) -> bytes:
     added before this one (added_targets.py).
 
     One row for each target of the program as it was given, and its prediction. The offsets are those of the written program, in
-    which a target may have intermediate ones beside it and so a narrower share of the log.
+    which a target may have intermediate ones beside it and so a narrower share of the log; those have their offsets beside.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -49,10 +49,12 @@ def offset_blocks(corrected: Corrected) -> Iterator[bytes]:
     silent = np.setdiff1d(corrected.planned.targets, at)
     unknown = _held(corrected.planned)
     unknown[silent] = True
+    of_all = np.zeros((len(corrected.predicted.path.toolpath), 3))
+    of_all[correction.targets] = correction.offset
     return _blocks(corrected.planned, [_Columns("ox_mm oy_mm oz_mm", correction.offset, 6, 1e3, at, own),
                                        _Columns("orx_deg ory_deg orz_deg", correction.turn, 8, np.degrees(1.0), at, own)],
                    [_Columns("left_um cut_um", np.column_stack([left.std, left.cut]), 4, 1e6, at, own, unknown)],
-                   {ADDED: added_text(kept, corrected.predicted.path.length)}, silent)
+                   {**added_offset_texts(kept, of_all), ADDED: added_text(kept, corrected.predicted.path.length)}, silent)
 
 
 def deviation_csv(predicted: Predicted) -> bytes:

@@ -12,9 +12,9 @@ from compensator.correction.fine_grid import Grid, fine_grid
 from compensator.correction.grid_forces import forces_on
 from compensator.correction.grid_path import grid_path
 from compensator.correction.loaded_path import LoadedPath
-from compensator.correction.logged_pass import read_offsets
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
+from compensator.correction.sent_offsets import SentOffsets, driven_with, places_of, read_offsets
 from compensator.forces.placement import ForceLog, TargetForces
 from compensator.forces.program_time import moves_in_air
 from compensator.path.arc_length import borders
@@ -30,15 +30,15 @@ PIECE, SAMPLES = 2e-3, 8
 def places_between(predicted: Predicted) -> tuple[RobotPath, TargetForces, Array]:
     """The program with places along its long moves, the forces of its log there, and where the tool stood off its plan while
     the log was taken (G, 3) [m], base frame. Raises what `read_offsets` raises."""
-    aside, grid = _offsets(predicted), _grid(predicted)
+    sent, grid = _sent(predicted), _grid(predicted)
     if grid is None:
+        aside = sent.at_targets(predicted.path.length)
         aside[predicted.targets] += predicted.prediction.position
         return predicted.path, predicted.forces, aside
     fine = grid_path(predicted.path, replace(grid, toolpath=replace(grid.toolpath, driven=_driven(predicted, grid), ways=())))
     forces = forces_on(predicted, fine, grid, np.full(len(grid.owner), PIECE))
     points = np.flatnonzero(forces.forced & fine.reached)
-    between = np.arange(len(grid.owner))
-    aside = np.column_stack([np.interp(between, grid.kept, axis) for axis in aside.T])
+    aside = sent.felt(places_of(grid.kept, fine.length), fine.length)
     aside[points] += predict_path(LoadedPath(fine, forces, predicted.model, points, predicted.loaded.learned)).position
     return fine, forces, aside
 
@@ -58,10 +58,12 @@ def on_half_ways(log: ForceLog, path: RobotPath) -> ForceLog | None:
     return replace(spread, place=np.interp(spread.place, time, path.length), time=None, findings=(*log.findings, said))
 
 
-def _offsets(predicted: Predicted) -> Array:
-    """Those of the pass that was logged (N, 3) [m], base frame."""
-    file = predicted.settings.correction.logged_with
-    return np.zeros((len(predicted.path.toolpath), 3)) if file is None else read_offsets(file, predicted.path).copy()
+def _sent(predicted: Predicted) -> SentOffsets:
+    """The offsets of the pass that was logged."""
+    file, count = predicted.settings.correction.logged_with, len(predicted.path.toolpath)
+    if file is None:
+        return SentOffsets(np.arange(float(count)), np.zeros((count, 3)))
+    return driven_with(read_offsets(file, predicted.path), predicted)
 
 
 def _grid(predicted: Predicted) -> Grid | None:

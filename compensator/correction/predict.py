@@ -247,7 +247,9 @@ def under_forces(
         followed = path.toolpath.driven is not None or bool(path.toolpath.ways)
         noticed = (*noticed, *log.findings, *said_of_order(program.text, ~program.air, log.key, followed=followed))
         placed = place_forces(log, path, path.cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)
-        noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
+        # Of a pass with offsets its positions are judged with these (as_driven.py).
+        of_log = [finding for finding in placed.findings if finding.code != "CS3120" or settings.correction.logged_with is None]
+        noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *of_log,
                    *_without_zero(placed, path, settings), *other_tools(path, placed.forced))
         targets, left = targets_to_correct(path, placed)
         if learned is not None:

@@ -19,6 +19,7 @@ from compensator.correction.other_stance import best_shift, shifted, turned
 from compensator.correction.posture import advise
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
+from compensator.correction.sent_offsets import corrected_offsets
 from compensator.correction.settings import DEPTH, EXACTLY_ONE, Estimate
 from compensator.correction.unloaded_robot import by_unloaded_robot
 from identification.common.findings import CompstiffError
@@ -127,7 +128,8 @@ def _next_pass(corrected: Corrected) -> Array:
     size = np.linalg.norm(position, axis=1)
     offsets = np.zeros((len(predicted.path.toolpath), 3))
     offsets[predicted.targets] = -position * np.maximum(1 - corrected.left.std / np.maximum(size, 1e-12), 0.0)[:, None]
-    return _again(corrected, predicted, replace(corrected.logged, offsets=offsets[corrected.kept]))
+    sent = corrected_offsets(offsets, corrected.kept, predicted.path.length)
+    return _again(corrected, predicted, replace(corrected.logged, offsets=sent))
 
 
 def _known_cut(corrected: Corrected) -> Array:
@@ -150,7 +152,9 @@ def _stated_depth(corrected: Corrected) -> Array | None:
 def _stated_slots(corrected: Corrected) -> Array:
     planned = corrected.planned
     settings = replace(planned.settings, correction=replace(planned.settings.correction, slot_depth=SLOT_DEPTH))
-    slot, _ = known_slot(replace(planned, settings=settings), corrected.logged.offsets, corrected.stiffness)
+    sent = corrected.logged.offsets
+    offsets = None if sent is None else sent.at_targets(planned.path.length)
+    slot, _ = known_slot(replace(planned, settings=settings), offsets, corrected.stiffness)
     return _again(corrected, corrected.predicted, replace(corrected.logged, slot=slot))
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from compensator.correction.logged_pass import driven_as_said, read_offsets
-from compensator.correction.predict import predict
+from compensator.correction.logged_pass import driven_as_said
+from compensator.correction.predict import Predicted, predict
+from compensator.correction.sent_offsets import driven_with, read_offsets
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Estimate, Settings
 from compensator.forces.placement import ForceLog
 from compensator.learned.learned import DRIFT, SETUP, Learned
@@ -19,7 +20,7 @@ from compensator.learning.measured_points import read_points
 from compensator.learning.path_places import place_points
 from compensator.learning.posterior import Posterior, expected
 from compensator.learning.refusals import refuse_without_physics, refuse_worse, said_of
-from compensator.learning.rows import rows_of
+from compensator.learning.rows import Rows, rows_of
 from compensator.learning.shifted import said_of_shift
 from compensator.learning.terms import Terms
 from compensator.learning.unseen import said_of_unseen
@@ -64,10 +65,10 @@ def learn(
     driven = driven_as_said(replace(predicted, settings=settings))
     placed = place_points(points, predicted, radius, within)
     rows = rows_of(points, placed, predicted)
-    offsets = np.zeros((len(predicted.path.toolpath), 3))
+    # What the rows see of the offsets is taken off them once: between the targets, too, where `correct` had added some.
     if chosen.logged_with:
-        offsets = read_offsets(chosen.logged_with, predicted.path)
-    offsets = offsets[predicted.targets]
+        rows = replace(rows, value=rows.value - _sent(chosen.logged_with, predicted, rows))
+    offsets = np.zeros((len(predicted.targets), 3))
     told = rows.seen(predicted.prediction.position)[:, 0]
     refuse_wrong_axes(rows, rows.value - rows.seen(offsets)[:, 0], told, points.source)
     wide = Estimate(1.0, max(MOTION, cell.motion.compliance_std))
@@ -101,6 +102,15 @@ def learn(
     refuse_worse(fitted.tried, points.source, findings)
     refuse_without_physics(result, points.source, findings)
     return replace(result, findings=findings)
+
+
+def _sent(file: Path, predicted: Predicted, rows: Rows) -> Array:
+    """What the rows see (n,) [m] of the offsets that the pass had."""
+    length = predicted.path.length
+    known = np.flatnonzero(np.isfinite(length))
+    place = np.interp(rows.length, np.maximum.accumulate(length[known]), known)
+    sent = driven_with(read_offsets(file, predicted.path), predicted).at(place)
+    return np.asarray(rows.along(sent[:, :, None])[:, 0])
 
 
 def _before(model: IdentifiedModel, motion: Estimate, cell: Cell) -> tuple[Array, Array]:

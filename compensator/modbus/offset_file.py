@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.modbus.wire import LARGEST_UM, OffsetTable, to_registers
-from identification.common.added_targets import ADDED, added_of
+from identification.common.added_targets import ADDED, ADDED_OFFSETS, added_of, added_offsets
 from identification.common.arrays import Array
 from identification.common.files import AsRead, sha256
 from identification.common.findings import Finding, Refused, counted, error
@@ -78,7 +78,7 @@ def read_offsets(file: str | Path, reach_mm: float) -> Offsets:
     from identification.common.tables import read_table
 
     read = AsRead.of([Path(file)])
-    table = read_table(file, required=("target", *OFFSET), optional=(*TURN, *PLACE, *DEVIATION), texts=(ADDED,),
+    table = read_table(file, required=("target", *OFFSET), optional=(*TURN, *PLACE, *DEVIATION), texts=(ADDED, *ADDED_OFFSETS),
                        may_be_empty=(*OFFSET, *TURN, *PLACE, *DEVIATION), together=(TURN, PLACE, DEVIATION))
     if not len(table):
         raise error("CS5001", "has no row: there is nothing to push", file=str(file))
@@ -154,20 +154,28 @@ def _check_targets(target: Array, line: NDArray[np.intp], file: str | Path) -> N
 
 
 def _added_not_sent(table: Table, offset: Array) -> list[Finding]:
-    """What the targets of the corrected program that the planned one does not have cost, by the steps of the offsets (N, 3) [m]
-    over their moves: a note, and a warning where they stand in many moves."""
+    """What the targets of the corrected program that the planned one does not have cost: how far their own offsets are off the
+    straight line between those (N, 3) [m] that are sent; in a file that does not have them half of the step over a move. A
+    note, and a warning where they stand in many moves."""
     added = added_of(table)
     if added is None:
         return []
     moves = np.unique(added.given[added.share < 1])
     moved = np.linalg.norm(offset, axis=1) > 0
     corrected = len(np.union1d(moves, np.flatnonzero(moved | np.append(False, moved[:-1]))))
-    step = 1e6 * np.linalg.norm(offset[moves] - offset[np.maximum(moves - 1, 0)], axis=1)
+    start = offset[np.maximum(added.given - 1, 0)]
+    between = added_offsets(table, added)
+    if between is None:
+        off = 0.5 * np.linalg.norm(offset[added.given] - start, axis=1)
+    else:
+        straight = start + added.share[:, None] * (offset[added.given] - start)
+        off = np.nan_to_num(np.linalg.norm(between - straight, axis=1))
+    step = 1e6 * np.array([off[(added.given == move) & (added.share < 1)].max() for move in moves])
     many = len(moves) > MANY_MOVES * corrected
     return [Finding("CS5008", "warning" if many else "note", f"in {len(moves)} of {counted(corrected, 'move')} from or to a "
                     "corrected target the correction changes on the way, and only those of the planned program are sent: there "
-                    f"the tool goes straight, off by up to about {0.5 * step.max():.0f} um at the worst, "
-                    f"{0.5 * np.median(step):.0f} um in the middle", file=table.source,
+                    f"the tool goes straight, off by up to about {step.max():.0f} um at the worst, "
+                    f"{np.median(step):.0f} um in the middle", file=table.source,
                     line=int(table.line[moves[int(np.argmax(step))]]),
                     hint="correct --keep-targets makes offsets for the planned program and says what they leave; or run the "
                     "corrected program")]

@@ -1,7 +1,8 @@
 """The targets that `correct` added, as offsets.csv tells of them in its column `added`.
 
-It has, in the row of a target as given, the shares of the move to it at which others were added before it. The written program
-counts them too: behind the first of them a number names another target than in the planned program.
+It has, in the row of a target as given, the shares of the move to it at which others were added before it, and beside them the
+offsets that these have. The written program counts them too: behind the first of them a number names another target than in the
+planned program.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 Indices = NDArray[np.intp]
 ADDED = "added"
+ADDED_OFFSETS = ("added_ox_mm", "added_oy_mm", "added_oz_mm")
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,39 @@ def added_text(kept: Indices, length: Array) -> NDArray[np.object_]:
         way = (length[before + 1:kept[target]] - length[before]) / (length[kept[target]] - length[before])
         text[target] = " ".join(f"{share:.6f}" for share in way)
     return text
+
+
+def added_offset_texts(kept: Indices, offset: Array) -> dict[str, NDArray[np.object_]]:
+    """The columns ADDED_OFFSETS for targets as given at the places kept (N,) of a program whose targets have offsets (W, 3)
+    [m], work object."""
+    texts = {name: np.full(len(kept), "", dtype=object) for name in ADDED_OFFSETS}
+    for target in np.flatnonzero(np.diff(kept, prepend=-1) > 1):
+        before = kept[target - 1] if target else 0
+        for text, axis in zip(texts.values(), np.round(1e3 * offset[before + 1:kept[target]], 4).T + 0.0, strict=True):
+            text[target] = " ".join(f"{one:g}" for one in axis)
+    return texts
+
+
+def added_offsets(table: Table, added: AddedTargets) -> Array | None:
+    """The offsets (W, 3) [m], work object, of the targets that were added, NaN at those as given; None: the file has no such
+    columns. Raises CompstiffError (CS4121) for others than numbers, as many as were added."""
+    if any(name not in table.texts for name in ADDED_OFFSETS):
+        return None
+    offset = np.full((len(added.given), 3), np.nan)
+    for axis, name in enumerate(ADDED_OFFSETS):
+        for row in np.unique(added.given[added.share < 1]):
+            here = np.flatnonzero((added.given == row) & (added.share < 1))
+            words = str(table.texts[name][row])
+            try:
+                found = np.array([float(word) for word in words.split()])
+            except ValueError:
+                found = np.array([np.nan])
+            if len(found) != len(here) or not np.isfinite(found).all():
+                raise error("CS4121", f"column '{name}': found {words!r}, expected {len(here)} numbers, one for each in "
+                            f"'{ADDED}'", file=table.source, line=int(table.line[row]),
+                            hint="use the file as correct --offsets wrote it")
+            offset[here, axis] = 1e-3 * found
+    return offset
 
 
 def read_added(file: Path) -> AddedTargets | None:

@@ -11,6 +11,7 @@ import pytest
 from compensator.correction.as_sent import as_sent
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.predict import Predicted
+from compensator.correction.sent_offsets import SentOffsets
 from compensator.forces.log_path import on_path
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3
@@ -45,7 +46,8 @@ def logged(folder: Path, columns: str, offset_mm: float) -> Predicted:
 def test_each_force_stands_where_the_program_was(tmp_path: Path, columns: str, offset_mm: float) -> None:
     predicted = logged(tmp_path, columns, offset_mm)
     along = kit.tcp_pose(kit.IRB6660, kit.START, kit.TOOL).r.apply([1.0, 0.0, 0.0])
-    found = as_sent(predicted, np.tile(1e-3 * offset_mm * along, (COUNT, 1))).forces.wrench[:, :3]
+    sent = SentOffsets(np.arange(float(COUNT)), np.tile(1e-3 * offset_mm * along, (COUNT, 1)))
+    found = as_sent(predicted, sent).forces.wrench[:, :3]
     places = np.arange(12, 30)
     assert np.abs(found[places] - met(places * STEP)).max() < 2.0
     as_logged = np.abs(predicted.forces.wrench[places, :3] - met(places * STEP)).max()
