@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from compensator.correction.logged_pass import driven_as_said
-from compensator.correction.predict import Predicted, predict
+from compensator.correction.predict import predict
 from compensator.correction.sent_offsets import driven_with, read_offsets
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Estimate, Settings
 from compensator.forces.placement import ForceLog
@@ -17,10 +17,11 @@ from compensator.learning.causes import ask, said_of_causes, tested, with_free_l
 from compensator.learning.fitted_part import Believed, fitted_part
 from compensator.learning.learning import Learning
 from compensator.learning.measured_points import read_points
+from compensator.learning.normals_alone import said_of_normals
 from compensator.learning.path_places import place_points
 from compensator.learning.posterior import Posterior, expected
 from compensator.learning.refusals import refuse_without_physics, refuse_worse, said_of
-from compensator.learning.rows import Rows, rows_of
+from compensator.learning.rows import rows_of
 from compensator.learning.shifted import said_of_shift
 from compensator.learning.terms import Terms
 from compensator.learning.unseen import said_of_unseen
@@ -65,11 +66,14 @@ def learn(
     driven = driven_as_said(replace(predicted, settings=settings))
     placed = place_points(points, predicted, radius, within)
     rows = rows_of(points, placed, predicted)
-    # What the rows see of the offsets is taken off them once: between the targets, too, where `correct` had added some.
+    offsets = np.zeros((len(predicted.path.toolpath), 3))
     if chosen.logged_with:
-        rows = replace(rows, value=rows.value - _sent(chosen.logged_with, predicted, rows))
-    offsets = np.zeros((len(predicted.targets), 3))
+        # As the log's mean forces know them: deviations stand at the targets, too.
+        sent = driven_with(read_offsets(chosen.logged_with, predicted.path), predicted)
+        offsets = sent.at_targets(predicted.path.length)
+    offsets = offsets[predicted.targets]
     told = rows.seen(predicted.prediction.position)[:, 0]
+    normals = said_of_normals(rows, rows.value - rows.seen(offsets)[:, 0], told, predicted, points.source)
     refuse_wrong_axes(rows, rows.value - rows.seen(offsets)[:, 0], told, points.source)
     wide = Estimate(1.0, max(MOTION, cell.motion.compliance_std))
     motion = wide if chosen.scale == EXACTLY_ONE else chosen.scale
@@ -95,22 +99,13 @@ def learn(
     result = Learning(predicted, terms, fitted.sizes, learned, measured, parts,
                       _motion(fitted.believed.covariance, found, motion, cell), fitted.chance, fitted.tried, asked,
                       (len(placed.rows), len(points)), points.source, chosen.logged_with, ())
-    findings = (*points.findings, *predicted.findings, *driven, *placed.findings, *rows.findings,
+    findings = (*points.findings, *predicted.findings, *driven, *placed.findings, *rows.findings, *normals,
                 *said_of_shift(rows, rows.value - rows.seen(offsets)[:, 0], predicted, points.source),
                 *said_of_unseen(rows, predicted, points.source), *said_of(result, before, mean),
                 *said_of_causes(asked, points.source))
     refuse_worse(fitted.tried, points.source, findings)
     refuse_without_physics(result, points.source, findings)
     return replace(result, findings=findings)
-
-
-def _sent(file: Path, predicted: Predicted, rows: Rows) -> Array:
-    """What the rows see (n,) [m] of the offsets that the pass had."""
-    length = predicted.path.length
-    known = np.flatnonzero(np.isfinite(length))
-    place = np.interp(rows.length, np.maximum.accumulate(length[known]), known)
-    sent = driven_with(read_offsets(file, predicted.path), predicted).at(place)
-    return np.asarray(rows.along(sent[:, :, None])[:, 0])
 
 
 def _before(model: IdentifiedModel, motion: Estimate, cell: Cell) -> tuple[Array, Array]:

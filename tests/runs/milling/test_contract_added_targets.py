@@ -209,6 +209,19 @@ def test_the_tool_of_a_corrected_pass_stood_on_the_plan_between_the_targets_too(
     assert "CS4130" in told
 
 
+def test_a_limit_that_is_passed_is_told_with_what_the_log_says_of_its_pass(
+    job: MillingJob, found: Correction, second: milling.Pass
+) -> None:
+    """The log of a corrected pass without its offsets: its positions say so, and why the correction is too large."""
+    log = job.log(second, found.commands, "forgotten.csv", part=found.part)
+    tight = job.cell.with_name("tight.yaml")
+    tight.write_text(job.cell.read_text() + "limits: {max_offset_mm: 0.02}\n")
+    planned = predict_files(Inputs(tight, job.program, job.folder / "stiffness.json", log), settings())
+    with pytest.raises(Refused) as refused:
+        correct(planned)
+    assert {"CS4107", "CS3075"} <= {finding.code for finding in refused.value.findings}
+
+
 def test_offsets_that_were_pushed_to_the_planned_program_are_taken_for_those(
     job: MillingJob, found: Correction, offsets: Path
 ) -> None:
