@@ -12,8 +12,9 @@ from identification.common.arrays import directions, rms
 from identification.common.findings import Finding
 
 Array = NDArray[np.float64]
-# So many targets, and so large a deflection across the path [m, RMS], say something.
-FEWEST, LEAST = 12, 3e-5
+# So many targets, and so large a deflection across the path [m, RMS], say whether a pass had the offsets; so many say that what
+# is left is another version of the program.
+FEWEST, LEAST, FEWEST_OF_VERSION = 12, 3e-5, 40
 # The positions stand off as the deflection does where it explains this share of their square, and they are so many times of it;
 # not as the offsets of --logged-with where they are under this share of them (engineering judgement).
 EXPLAINS, TIMES, HARDLY = 0.5, (0.7, 1.4), 0.3
@@ -80,6 +81,8 @@ def _judged(planned: Predicted, offsets: Array | None) -> tuple[Finding, ...]:
 def _another_version(off: Array, which: NDArray[np.intp], planned: Predicted) -> tuple[Finding, ...]:
     """A pass that stands off its plan by (n, 3) [m] at the targets `which` (n,) by the same everywhere, or in a stretch
     (CS3120): less than any other program does."""
+    if len(which) < FEWEST_OF_VERSION:
+        return ()
     middle, source = np.median(off, axis=0), planned.forces.log.source
     if np.linalg.norm(middle) < BESIDE:
         return _stretch(off, which, planned)

@@ -171,8 +171,17 @@ def correct(planned: Predicted) -> Corrected:
 
 
 def _corrected(planned: Predicted) -> Corrected:
-    settings, feed_settings = planned.settings.correction, planned.settings.feed
     logged, sent = logged_pass(planned)
+    try:
+        return _under(planned, logged, sent)
+    except CompstiffError as stopped:
+        # What the log says of its pass may be the reason for a limit that is passed.
+        raise stopped.beside(logged.findings) from stopped
+
+
+def _under(planned: Predicted, logged: LoggedPass, sent: Predicted) -> Corrected:
+    """The same where it is known what the logged pass was; sent: the program with the log placed by it."""
+    settings, feed_settings = planned.settings.correction, planned.settings.feed
     cornered, of_corners = with_zones(sent)
     del sent
     predicted, kept, looked_at = with_intermediate_targets(cornered)

@@ -156,7 +156,7 @@ def read_offsets(file: Path, path: RobotPath) -> PassOffsets:
 
 
 def _without_their_offsets(found: PassOffsets, file: str) -> PassOffsets:
-    said = Finding("CS3131", "warning", f"targets were added, and what offsets they had is not in the file (column {ADDED_MM}):"
+    said = Finding("CS4130", "warning", f"targets were added, and what offsets they had is not in the file (column {ADDED_MM}):"
                    " they count as straight between the targets of the program", file=file,
                    hint="correct anew with this version, and log that pass")
     return PassOffsets(found.given, found.before, found.share, found.added, (said,))

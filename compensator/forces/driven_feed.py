@@ -14,8 +14,9 @@ from identification.common.findings import Finding
 # Said where nine tenths of the cut, by time, were driven slower than this share of the feed, or half of it faster than that
 # one: where a controller cannot hold a feed it is slower for a part of a path, and never faster (engineering judgement).
 SLOW, FAST = 0.75, 1.25
-# So many moves of the cut at least, and so many samples in each: the places of a log scatter by a sample either way.
-FEWEST, SAMPLES = 20, 8
+# So many moves of the cut at least, and so many samples in each: the places of a log scatter by a sample either way. A move
+# counts once for every so many metres of it: of a long one a larger part is driven at the feed, not at starting and stopping.
+FEWEST, SAMPLES, COUNTS_AGAIN = 20, 8, 0.01
 # A time in another unit, off by 60 and more, shows in fewer.
 FEWEST_OF_UNIT = 3
 
@@ -55,7 +56,7 @@ def said_of_feed(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_]) -> l
     unit = unit_of_time(middle)
     if unit:
         return [_in_unit(log, unit, middle)]
-    if cut.sum() < FEWEST:
+    if np.maximum(way[cut] / COUNTS_AGAIN, 1.0).sum() < FEWEST:
         return []
     counted = not log.sent and all(finding.code != "CS3090" for finding in log.findings)
     if counted and place[-1] < 1.1 * INCHES * np.nanmax(length) and 0.6 * INCHES < middle < 1.5 * INCHES:

@@ -27,6 +27,11 @@ NOTHING = (np.zeros((0, 3)), np.zeros((0, 3)))
 # weight that is left is that of another unit within this share (engineering judgement: sensors' zeros are some per cent of it).
 HEAVY, TAKEN_BACK, ASIDE, SAME_UNIT = 50.0, (0.5, 0.97), 0.15, 0.3
 UNITS = {"kgf": FREE_FALL, "lbf": 4.4482216}
+# A weight of so many newtons stands in a log along another line where a bias of over such a share of it turns it round and
+# leaves its size within that share: rarely so by chance, a sensor's own zero is seldom as large (engineering judgement).
+HEAVY_TURNED, TURNED_BIAS, SAME_SIZE = 200.0, 0.7, 0.1
+# From so many degrees on it points the other way, and not merely aside.
+UPWARDS = 150.0
 # A noise told by fewer degrees of freedom is not taken by them alone: by four it may be told three times too small.
 FEW = 8
 
@@ -113,7 +118,9 @@ def zero_of(
         biases = air.mean - _per_stretch(held, rows, tare)
         bias = biases.mean(axis=0)
         findings += _tared(log, biases, bias, mass, tare)
-        findings += _taken_back(log, bias[:3], _per_stretch(held, rows, tare)[:, :3].mean(axis=0), mass)
+        stated_weight = _per_stretch(held, rows, tare)[:, :3].mean(axis=0)
+        findings += _taken_back(log, bias[:3], stated_weight, mass)
+        findings += _turned_round(log, bias[:3], stated_weight, mass)
     else:
         bias = np.zeros(6) if form.bias is None else form.bias.copy()
         bias[3:] *= log.has_moment
@@ -226,6 +233,26 @@ def _taken_back(log: ForceLog, bias: Array, held: Array, mass: float | None) -> 
                     f"{(1 - share) * heavy:.0f} of {heavy:.0f} N{unit}", file=log.source,
                     hint="are the forces in newtons, and is force_log.mass_kg what hangs on the sensor? A sensor that was "
                     "zeroed with the tool on takes all of it back")]
+
+
+def _turned_round(log: ForceLog, bias: Array, held: Array, mass: float | None) -> list[Finding]:
+    """A warning (CS3131) where a tare's bias (3,) [N] is what turns a weight round into the stated one, held (3,) [N] in its
+    stretches: the log has it in full, along another line."""
+    heavy = float(np.linalg.norm(held))
+    if not mass or heavy < HEAVY_TURNED or np.linalg.norm(bias) < TURNED_BIAS * heavy:
+        return []
+    shown = bias + held
+    if abs(np.linalg.norm(shown) - heavy) > SAME_SIZE * heavy:
+        return []
+    turned = float(np.degrees(np.arccos(np.clip(shown @ held / (np.linalg.norm(shown) * heavy), -1, 1))))
+    if turned > UPWARDS:
+        where, hint = "pointing upwards", ("is force_log.sign right, and base_frame, if the robot hangs or stands on a wall? "
+                                           "With the wrong sign the correction doubles the error")
+    else:
+        where, hint = f"{turned:.0f} degrees from plumb", "how does the sensor sit on the flange (force_log.sensor_quaternion)?"
+    return [Finding("CS3131", "warning", f"the log shows the weight of {mass:g} kg {where}: {np.linalg.norm(shown):.0f} N of "
+                    f"{heavy:.0f}, and a bias of {np.linalg.norm(bias):.0f} N would have to make up for it", file=log.source,
+                    hint=f"{hint}. Only a sensor whose own zero is that far off would show the same")]
 
 
 def _weighed(log: ForceLog, form: ForceLogFrame, mass: float, mean: Array, held: Array, *, tared: bool) -> Finding:

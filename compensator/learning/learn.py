@@ -17,6 +17,7 @@ from compensator.learning.causes import ask, said_of_causes, tested, with_free_l
 from compensator.learning.fitted_part import Believed, fitted_part
 from compensator.learning.learning import Learning
 from compensator.learning.measured_points import read_points
+from compensator.learning.normals_alone import said_of_normals
 from compensator.learning.path_places import place_points
 from compensator.learning.posterior import Posterior, expected
 from compensator.learning.refusals import refuse_without_physics, refuse_worse, said_of
@@ -66,6 +67,7 @@ def learn(
     placed = place_points(points, predicted, radius, within)
     rows = rows_of(points, placed, predicted, offsets_of_pass(chosen.logged_with, predicted) if chosen.logged_with else None)
     told = rows.seen(predicted.prediction.position)[:, 0]
+    normals = said_of_normals(rows, rows.value, told, predicted, points.source)
     refuse_wrong_axes(rows, rows.value, told, points.source)
     wide = Estimate(1.0, max(MOTION, cell.motion.compliance_std))
     motion = wide if chosen.scale == EXACTLY_ONE else chosen.scale
@@ -90,7 +92,7 @@ def learn(
     result = Learning(predicted, terms, fitted.sizes, learned, rows.value, parts,
                       _motion(fitted.believed.covariance, found, motion, cell), fitted.chance, fitted.tried, asked,
                       (len(placed.rows), len(points)), points.source, chosen.logged_with, ())
-    findings = (*points.findings, *predicted.findings, *driven, *placed.findings, *rows.findings,
+    findings = (*points.findings, *predicted.findings, *driven, *placed.findings, *rows.findings, *normals,
                 *said_of_shift(rows, rows.value, predicted, points.source),
                 *said_of_unseen(rows, predicted, points.source), *said_of(result, before, mean),
                 *said_of_causes(asked, points.source))

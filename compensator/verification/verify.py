@@ -260,8 +260,9 @@ def _comparison_text(comparison: Comparison) -> str:
 
 
 def _scale_text(scale: Scale) -> str:
-    text = (f"The prediction as it stands explains {100 * scale.share:.1f} % of the mean square measured before; the measured "
-            f"deviation is {_times(scale)} the predicted.")
+    text = (f"The prediction as it stands explains {100 * scale.share:.1f} % of the mean square measured before at the "
+            f"{counted(scale.points, 'place')} where it says something; there the measured deviation is {_times(scale)} the "
+            "predicted.")
     if scale.advised is not None:
         why = " So it is where the load tests were taken at standstill." if scale.scale > 1 else ""
         return text + why + (f" Advice: correct {scale.option}, which would explain {100 * scale.share_scaled:.1f} "

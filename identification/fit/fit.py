@@ -22,6 +22,7 @@ from identification.fit.identifiability import (
     ellipsoid,
     grade_joints,
     information_spectrum,
+    told_by_one_visit,
 )
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
@@ -43,6 +44,7 @@ from identification.fit.seating import moving_zero
 from identification.fit.subsets import Conflict, subset_conflicts
 from identification.fit.validation import Validation, judge_validation
 from identification.fit.visit_findings import mending, not_independent, sentence, validation_findings, visit_findings
+from identification.fit.visits import visit_name
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.gravity import fall_in_base
@@ -241,7 +243,7 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
         findings.append(Finding("CS1014", "note", f"{', '.join(fallen)} {'is' if len(fallen) == 1 else 'are'} tentative: the "
                                 "model of all joints is rejected, whatever the loads tell of one", file=source,
                                 hint=LOOK_FOR_IT))
-    findings += [*_against_prior(fitted, grades), *_other_noise(fitted),
+    findings += [*_alone(fitted, grades), *_against_prior(fitted, grades), *_other_noise(fitted),
                  *not_independent(fitted), *_light_rows(fitted)]
     for conflict in conflicts:
         if conflict.is_conflict:
@@ -252,6 +254,19 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
                 f"k{worst + 1}, by a factor {np.exp(conflict.difference[worst]):.2f}", file=source,
                 hint="one set of linear springs does not explain both: compstiff diagnose looks for the cause"))
     return findings
+
+
+def _alone(fitted: Posterior, grades: tuple[JointGrade, ...]) -> list[Finding]:
+    """Joints that one visit tells alone (CS1043)."""
+    rows, said = fitted.data.rows, []
+    for joint, row in told_by_one_visit(fitted).items():
+        if grades[joint - 1].grade != "not identifiable":
+            said.append(Finding(
+                "CS1043", "note", f"k{joint} is told by the loads of {visit_name(rows, np.array([row]))} alone: by how much "
+                "they are wrong it is wrong, and no row shows it", file=rows.source, line=int(rows.line[row]),
+                hint="of a rope over a pulley a scale at the tool's end says what it pulls: a sheave takes some per cent; or "
+                "load the joint at another pose with another set-up. measurement.force_gain_std widens the interval"))
+    return said
 
 
 def _rejected(source: str, check: ModelCheck) -> list[Finding]:

@@ -24,6 +24,9 @@ UNLOADED_SIGMAS = 1.0
 UNTURNED = 1e-3
 # Correlation from which two stiffnesses are said to trade off.
 TRADE_OFF = 0.7
+# A visit is loaded where its readings move by more than this share of the square that those of the largest do. One of at least
+# so many that has more than this share of a joint's tells it alone.
+LOADED, SEVERAL, ALONE = 1e-3, 3, 0.97
 CANDIDATES = 1500
 CANDIDATE_FORCE_N = 300.0
 AXIS_NAMES = "xyz"
@@ -96,6 +99,20 @@ def grade_joints(posterior: Posterior, check: ModelCheck) -> tuple[JointGrade, .
         grades.append(JointGrade(i + 1, grade, shrinkage, float(signal[i]), partner + 1 if trades else 0,
                                  float(correlation[i, partner]) if trades else 0.0, reason, helpful))
     return tuple(grades)
+
+
+def told_by_one_visit(posterior: Posterior) -> dict[int, int]:
+    """The joints (from 1) of whose motion one visit has next to all, each with a row of that visit (from 0), where other visits
+    were loaded too: what its load is wrong by goes into them unseen."""
+    visit = posterior.data.rows.visit
+    moved = np.sum(posterior.at_map.design**2, axis=1)
+    by_visit = np.array([moved[visit == one].sum(axis=0) for one in np.unique(visit)])
+    loaded = np.count_nonzero(by_visit.sum(axis=1) > LOADED * by_visit.sum(axis=1).max())
+    if loaded < SEVERAL:
+        return {}
+    share = by_visit.max(axis=0) / np.maximum(by_visit.sum(axis=0), 1e-300)
+    return {int(joint) + 1: int(np.flatnonzero(visit == np.unique(visit)[np.argmax(by_visit[:, joint])])[0])
+            for joint in np.flatnonzero(share > ALONE)}
 
 
 def _helpful(posterior: Posterior, joint: int) -> str:

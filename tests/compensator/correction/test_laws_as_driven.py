@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -65,6 +66,23 @@ def test_a_right_log_is_left_in_peace_and_another_pass_is_told(planned: Predicte
     operation[first:first + len(d) // 3, 1 + int(rng.integers(2))] = 5e-4
     assert codes(beside(planned, errors + operation), None) == ["CS3120 False"]
     assert codes(beside(planned, errors + offsets + operation), offsets) == ["CS3120 False"]
+
+
+def test_of_a_dozen_targets_the_offsets_of_a_pass_are_told(planned: Predicted) -> None:
+    """Long moves have few; of the first fifteen cutting targets of the sample whether they had offsets, and no version."""
+    few = planned.targets[:15]
+    prediction = SimpleNamespace(position=planned.prediction.position[:15])
+    short = SimpleNamespace(forces=planned.forces, path=planned.path, targets=few, prediction=prediction, findings=())
+    d = deflection(planned)
+
+    def told(values: np.ndarray, offsets: np.ndarray | None) -> list[str]:
+        short.forces = beside(planned, values).forces
+        return codes(short, offsets)
+
+    assert told(0 * d, None) == []
+    assert told(-d, None) == ["CS3075 True"]
+    assert told(-d, -d) == []
+    assert told(0 * d, -d) == ["CS3076 True"]
 
 
 def test_the_sample_as_it_is_and_its_corrected_program(sample_inputs: Inputs, planned: Predicted, tmp_path: Path) -> None:

@@ -54,6 +54,27 @@ def test_of_few_moves_a_unit_is_told_and_no_override(tmp_path: Path) -> None:
     assert driven(tmp_path, np.array([0.5 * FEED]), count=6) == set()
 
 
+def test_of_few_long_moves_the_override_is_told(tmp_path: Path) -> None:
+    """Five cuts of 110 mm each, as rows of a pocket are: long enough to be driven at the feed."""
+    x = 1000 + 110.0 * np.arange(6)
+    rest = "[1,0,0,0],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,z1,tSpindle;"
+    moves = "\n".join(f"MoveL [[{place:g},0,700],{rest}" for place in x)
+    (tmp_path / "cell.yaml").write_text(CELL)
+    cell = read_cell(tmp_path / "cell.yaml")
+    path = robot_path(read_rapid(f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath, cell)
+
+    def said(share: float) -> list[str]:
+        way = np.arange(0, 550.0, share * FEED / RATE)
+        rows = [f"{k / RATE:.4f},{1000 + s:.4f},0,700,-40,90,60" for k, s in enumerate(way)]
+        (tmp_path / "forces.csv").write_text("time_s,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n\n" + "\n".join(rows) + "\n")
+        found = place_forces(read_force_log(tmp_path / "forces.csv"), path, cell).findings
+        return [finding.message for finding in found if finding.code == "CS3072"]
+
+    assert said(1.0) == []
+    [message] = said(0.6)
+    assert "at 60 % of their feed" in message
+
+
 @pytest.mark.parametrize(("unit", "end", "said"), [
     (25.4, 1500.0, "path_mm seems to be in inches"),            # of the first part of the program
     (1.0, 1500.0, "at 4 % of their feed"),                      # in millimetres, at an override of 4 %

@@ -300,6 +300,28 @@ def test_a_weight_that_the_tare_takes_back_is_said(
     assert all(str(said) in message for message in found)
 
 
+@pytest.mark.parametrize(("sign", "turn_deg", "bias_n", "said"), [
+    ("on_tool", 0, [14, -31, 55], None), ("by_tool", 0, [14, -31, 55], "pointing upwards"),
+    ("on_tool", 90, [14, -31, 20], "degrees from plumb"), ("on_tool", 15, [14, -31, 55], None),
+    ("on_tool", 0, [0, 0, 700], None),
+])
+def test_a_weight_along_another_line_is_said(
+    tmp_path: Path, sign: str, turn_deg: float, bias_n: list[float], said: str | None
+) -> None:
+    """A tool of 62 kg on a sensor that sits turned by so much about its own x, whose log is read with `sign` and as not turned;
+    a large zero of the sensor alone says nothing."""
+    plan = tilted_plan(tmp_path, CELL + SENSOR % f"sign: {sign}, payload: {{mass_kg: 62, centre_of_mass_mm: [12, -8, 143]}}")
+    log = read_force_log(pass_log(tmp_path, plan, 0 * CUT, noise=0.2))
+    sensor = SENSOR_TURN * kit.Rotation.from_euler("x", turn_deg, degrees=True)
+    fall = sensor.inv().apply(kit.Rotation.from_matrix(plan.base_from_flange.rotation[0]).inv().apply([0, 0, -9.80665]))
+    logged = np.tile(62 * fall + bias_n, (len(log.force), 1))
+    found = place_forces(replace(log, force=logged, plain=logged, moment=0 * logged, has_moment=False), plan, plan.cell,
+                         tare=(0, 0), trust_tare=True).findings
+    messages = [finding.message for finding in found if finding.code == "CS3131"]
+    assert len(messages) == (said is not None)
+    assert all(str(said) in message for message in messages)
+
+
 def test_air_stretches_that_say_nothing_or_contradict_are_said(tmp_path) -> None:
     """One code a doubt: alike orientations, a log without weight, a stated mass that the stretches contradict."""
     plan = tilted_plan(tmp_path, CELL + SENSOR % "sign: on_tool")

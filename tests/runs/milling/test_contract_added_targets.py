@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compensator.correction.correct import correct
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.pass_offsets import offsets_of_pass
 from compensator.learning.measured_points import read_points
@@ -178,6 +179,19 @@ def test_the_column_has_the_offsets_of_the_added_targets(found: Correction, offs
         written += len(own) + 1
     assert written == len(found.part.target_mm)
     assert np.linalg.norm((found.commands.position_mm - found.part.target_mm)[number], axis=1).max() > 0.1
+
+
+def test_a_limit_that_is_passed_is_told_with_what_the_log_says_of_its_pass(
+    job: MillingJob, found: Correction, second: milling.Pass
+) -> None:
+    """The log of a corrected pass without its offsets: its positions say so, and why the correction is too large."""
+    log = job.log(second, found.commands, "forgotten.csv", part=found.part)
+    tight = job.cell.with_name("tight.yaml")
+    tight.write_text(job.cell.read_text() + "limits: {max_offset_mm: 0.02}\n")
+    planned = predict_files(Inputs(tight, job.program, job.folder / "stiffness.json", log), settings())
+    with pytest.raises(Refused) as refused:
+        correct(planned)
+    assert {"CS4107", "CS3075"} <= {finding.code for finding in refused.value.findings}
 
 
 def test_offsets_that_were_pushed_to_the_planned_program_are_taken_for_those(

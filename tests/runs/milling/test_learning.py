@@ -221,6 +221,22 @@ def test_a_remainder_larger_than_physics_is_refused(job: ErringJob, stiffness: P
     assert "calibration" in stopped.value.findings[0].message
 
 
+def test_vectors_along_the_normal_alone_are_told(job: ErringJob, stiffness: Path, log: Path) -> None:
+    """A probe's readings as three components: what the tool did along the feed was not felt, and stands there as nothing."""
+    first = job.first
+    place = first.steps.between(job.part.target_mm)
+    feed = np.gradient(place, axis=0)
+    feed /= np.maximum(np.linalg.norm(feed, axis=1), 1e-9)[:, None]
+    felt = first.off_um - np.einsum("ni,ni->n", first.off_um, feed)[:, None] * feed
+
+    def codes(name: str, off_um: np.ndarray) -> set[str]:
+        learning, _ = job.learn(stiffness, log, job.measure(first, name, values_um=off_um))
+        return {finding.code for finding in learning.findings}
+
+    assert "CS5332" in codes("normals.csv", felt)
+    assert "CS5332" not in codes("whole.csv", first.off_um)
+
+
 # Long: what chance teaches is held in tests/compensator/learning/test_laws_learning.py.
 @pytest.mark.long
 def test_noise_alone_teaches_nothing(job: ErringJob, stiffness: Path, log: Path) -> None:
