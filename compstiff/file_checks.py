@@ -13,8 +13,8 @@ import numpy as np
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.posting.suffixes import toolpath_stem, toolpath_suffix
 from compstiff.file_kinds import SUFFIXES, Kind, kind_of
-from compstiff.quaternion_orders import W_FIRST, in_another_order
-from identification.common.findings import CompstiffError, Finding, Refused, counted, error, verb
+from compstiff.program_checks import program_check
+from identification.common.findings import CompstiffError, Finding, Refused, counted
 from identification.common.made_from import said_of_tables
 from identification.model.cell import Cell, read_cell
 from identification.model.cell_file import ForceLogFile
@@ -24,7 +24,6 @@ from identification.model.quaternion_order import in_words, said_of_order
 if TYPE_CHECKING:
     from compensator.forces.placement import TargetForces
     from compensator.path.robot_path import RobotPath
-    from compensator.posting.read_toolpath import PlannedProgram
 
 # The distance between TCP and edge for which `push` states what the turn that is not sent costs; here nothing is sent.
 REACH_MM = 10.0
@@ -221,69 +220,6 @@ def _measurements(file: Path, cell: Cell, settings: Settings) -> tuple[str, tupl
         *rows.findings, *((implausible,) if implausible else ()))
 
 
-def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
-    from compensator.correction.correctable import check_known, said_before_forces
-    from compensator.correction.predict import other_tools
-    from compensator.correction.recorded import check_not_corrected
-    from compensator.forces.program_time import moves_in_air
-    from compensator.path.robot_path import robot_path
-    from compensator.posting.read_toolpath import read_toolpath
-
-    try:
-        program = read_toolpath(file, cell, settings.posting)
-    except Refused as refused:
-        if all(finding.code != "CS4303" for finding in refused.findings):
-            raise
-        order = in_another_order(file, cell, settings.posting)
-        hint = f"{order}: {W_FIRST}; " if order else ""
-        raise Refused(*(replace(finding, hint=hint + finding.hint) for finding in refused.findings)) from refused
-    if not len(program.toolpath):
-        return _without_moves(file, program)
-    if not program.toolpath.others.targets:     # else it is sound, with the modules that it names
-        check_known(program.toolpath)
-    # Absurd numbers overflow on their way to a finding; NumPy need not say so too.
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        path = robot_path(program.toolpath, cell)
-        length = float(np.nanmax(path.length, initial=0.0))
-    words = f"{len(program.toolpath)} targets, {int(path.reached.sum())} reached, {length:.3g} m"
-    # What is asked about cell.yaml itself is said of it.
-    own = (finding for finding in program.toolpath.findings if finding.code != "CS0117")
-    # Where joint angles say where the robot goes no tool does.
-    posed = path.known & np.isnan(program.toolpath.joints).any(axis=1)
-    findings = (*own, *path.findings, *other_tools(path, posed, "of the program"))
-    beyond = np.flatnonzero(path.known & ~path.reached)
-    if len(beyond):
-        first = int(beyond[0])
-        findings += (Finding("CS0114", "warning", f"the robot does not reach {len(beyond)} of {len(program.toolpath)} targets",
-                             file=str(file), line=int(program.toolpath.line[first]), target=int(program.toolpath.number[first]),
-                             hint="are tool, work object and base_frame those of the controller?"),)
-    cuts = np.flatnonzero(posed & ~moves_in_air(program.toolpath) & (program.toolpath.block == ""))
-    findings += tuple(said_before_forces(path, cuts))
-    order = in_another_order(file, cell, settings.posting, path, program)
-    if order:
-        findings += (Finding(
-            "CS0117", "warning" if len(beyond) else "note", order, file=str(file), hint=f"{W_FIRST}; is this one?"),)
-    try:
-        check_not_corrected(file)
-    except Refused as corrected:        # a good file all the same: it goes to the robot, not through `correct` again
-        findings += tuple(replace(finding, level="note") for finding in corrected.findings)
-    return words, findings
-
-
-def _without_moves(file: Path, program: PlannedProgram) -> tuple[str, tuple[Finding, ...]]:
-    """A module of a job: the data and routines that its other modules name, or the one that calls them. Raises CompstiffError
-    (CS4202) where it is neither."""
-    from compensator.posting.beside import users_beside
-
-    users = users_beside(file)
-    if users:
-        shown = ", ".join(users[:3]) + (f" and {len(users) - 3} more" if len(users) > 3 else "")
-        return f"no move; {shown} beside it {verb(len(users), 'name')} what it declares", program.toolpath.findings
-    if any(finding.code == "CS2016" for finding in program.toolpath.findings):
-        return "no move of its own", program.toolpath.findings
-    raise error("CS4202", "the program has no move", file=str(file), hint="name the module that holds the moves")
-
-
 def _force_log(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
     from compensator.forces.log import read_force_log
 
@@ -367,7 +303,7 @@ def _measured_part(file: Path, cell: Cell, settings: Settings) -> tuple[str, tup
 
 Reader = Callable[[Path, Cell, Settings], tuple[str, tuple[Finding, ...]]]
 READERS: dict[str, Reader] = {
-    "measurements": _measurements, "toolpath": _toolpath, "force log": _force_log, "stiffness": _stiffness,
+    "measurements": _measurements, "toolpath": program_check, "force log": _force_log, "stiffness": _stiffness,
     "learned": _learned, "diagnosis": _diagnosis, "offsets": _offsets, "measured part": _measured_part,
     "cutting": _cutting, "stock": _stock,
 }
