@@ -11,6 +11,7 @@ import pytest
 from compensator.correction.correct import correct
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.sent_offsets import driven_with, places_of, read_offsets
+from compensator.correction.waiting import Waiting, told
 from compensator.learning.measured_points import read_points
 from compensator.learning.path_places import place_points
 from identification.common.added_targets import read_added
@@ -202,11 +203,19 @@ def test_the_tool_of_a_corrected_pass_stood_on_the_plan_between_the_targets_too(
         sent = again.logged.offsets.felt(places_of(again.kept, length), length)
         return rms(1e6 * np.linalg.norm((position + sent)[which], axis=1)), [finding.code for finding in again.findings]
 
-    (aside, codes), (unknown, told) = stood(offsets), stood(old)
+    (aside, codes), (unknown, of_old) = stood(offsets), stood(old)
     assert unknown > 40
     assert aside < 0.15 * unknown
     assert "CS4130" not in codes
-    assert "CS4130" in told
+    assert "CS4130" in of_old
+
+
+@pytest.mark.parametrize(("given", "both"), [(21, False), (40, True)])
+def test_a_program_of_few_targets_is_not_told_to_name_both_logs(found: Correction, given: int, both: bool) -> None:
+    """A pair of passes asks for forty; the call that is advised must not end in an error."""
+    (finding,) = told(Waiting(found.job.predicted.targets[:1], np.array([1e-4]), np.array([2e-5])), found.job.predicted, given)
+    assert "--logged-with" in finding.hint
+    assert ("--first-forces" in finding.hint) == both
 
 
 def test_a_limit_that_is_passed_is_told_with_what_the_log_says_of_its_pass(
