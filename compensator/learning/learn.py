@@ -16,6 +16,7 @@ from compensator.learned.learned import DRIFT, SETUP, Learned
 from compensator.learning.causes import ask, said_of_causes, tested, with_free_laws
 from compensator.learning.fitted_part import Believed, fitted_part
 from compensator.learning.learning import Learning
+from compensator.learning.long_moves import said_of_long_moves
 from compensator.learning.measured_points import read_points
 from compensator.learning.normals_alone import said_of_normals
 from compensator.learning.path_places import place_points
@@ -73,7 +74,8 @@ def learn(
         offsets = sent.at_targets(predicted.path.length)
     offsets = offsets[predicted.targets]
     told = rows.seen(predicted.prediction.position)[:, 0]
-    normals = said_of_normals(rows, rows.value - rows.seen(offsets)[:, 0], told, predicted, points.source)
+    normals = [*said_of_long_moves(placed, predicted, points.source),
+               *said_of_normals(rows, rows.value - rows.seen(offsets)[:, 0], told, predicted, points.source)]
     refuse_wrong_axes(rows, rows.value - rows.seen(offsets)[:, 0], told, points.source)
     wide = Estimate(1.0, max(MOTION, cell.motion.compliance_std))
     motion = wide if chosen.scale == EXACTLY_ONE else chosen.scale
