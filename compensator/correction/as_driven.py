@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from compensator.correction.predict import Predicted
 from compensator.path.arc_length import nearest_target
+from compensator.toolpath import Move
 from identification.common.arrays import directions, rms
-from identification.common.findings import Finding
+from identification.common.findings import Finding, counted
 
 Array = NDArray[np.float64]
 # So many targets, and so large a deflection across the path [m, RMS], say whether a pass had the offsets; so many say that what
@@ -24,6 +25,11 @@ BESIDE = 1.5e-4
 IN_A_ROW, STRETCH, SHARE = 15, 2.5e-4, 0.12
 
 
+# Of a single straight move of so many metres it says so where the middle of the samples on so much of its middle stands aside
+# by so much and twice the deflection [m], and its zones end before that.
+LONG, MIDDLE, FAR, SAMPLES = 0.02, 0.6, 1e-3, 20
+
+
 def said_of_positions(planned: Predicted, offsets: Array | None) -> tuple[Finding, ...]:
     """Warnings (CS3075, CS3076, CS3120). offsets (N, 3) [m], base frame, that the pass is said to have had; None: none.
     Where all of the log lies beside the path (CS3120 of its placing) only that it stands there as a corrected pass does is said
@@ -31,7 +37,38 @@ def said_of_positions(planned: Predicted, offsets: Array | None) -> tuple[Findin
     found = _judged(planned, offsets)
     if offsets is None and any(finding.code == "CS3120" for finding in planned.findings):
         return tuple(finding for finding in found if finding.code == "CS3075")
-    return found
+    return found or (_beside_long_moves(planned) if offsets is None else ())
+
+
+def _beside_long_moves(planned: Predicted) -> tuple[Finding, ...]:
+    """Long straight moves that were changed since the log was taken (CS3120): a program may have a dozen, and few targets."""
+    log, path, targets = planned.forces.log, planned.path, planned.targets
+    toolpath = path.toolpath
+    if log.beside is None or path.axes.driven or toolpath.driven is not None or toolpath.ways:
+        return ()
+    placed = np.isfinite(log.place) & np.isfinite(log.beside).all(axis=1)
+    place, beside = log.place[placed], path.axes.world_from_base.inverse().turn(log.beside[placed])
+    position, length = path.base_from_tcp.position, path.length
+    deflection = dict(zip(targets.tolist(), np.linalg.norm(planned.prediction.position, axis=1), strict=True))
+    margin, found = 0.5 * (1 - MIDDLE), []
+    for to in np.intersect1d(targets, targets + 1).tolist():
+        way = length[to] - length[to - 1]
+        if toolpath.move[to] != Move.LINEAR or not way >= LONG or not max(toolpath.zone[to - 1:to + 1]) <= margin * way:
+            continue
+        here = (place > length[to - 1] + margin * way) & (place < length[to] - margin * way)
+        along = directions((position[to] - position[to - 1])[None])[0]
+        middle = np.median(beside[here], axis=0) if here.sum() >= SAMPLES else np.zeros(3)
+        aside = middle - (middle @ along) * along
+        if np.linalg.norm(aside) > FAR + 2 * max(deflection[to], deflection[to - 1]):
+            found.append((to, aside))
+    if not found:
+        return ()
+    to, aside = max(found, key=lambda one: float(np.linalg.norm(one[1])))
+    axes = ", ".join(f"{1e3 * axis:+.2f}" for axis in aside)
+    return (path.finding(
+        to, "CS3120", "warning", f"the samples of {counted(len(found), 'straight move')} lie beside the path, here most, by "
+        f"{1e3 * np.linalg.norm(aside):.2g} mm ({axes} mm, base frame)",
+        "was this part of the program changed since the log was taken? Log the program as it is"),)
 
 
 def _judged(planned: Predicted, offsets: Array | None) -> tuple[Finding, ...]:

@@ -218,7 +218,7 @@ def _under(planned: Predicted, logged: LoggedPass, sent: Predicted) -> Corrected
     waits = waiting(predicted, left)
     return Corrected(planned, predicted, kept, correction, content, residual, between, left,
                      at_risk.worse(left.between), cut.left_as_logged, logged, cut.gain, feed, advice, waits, air,
-                     (*findings, *told(waits, predicted)))
+                     (*findings, *told(waits, predicted, len(planned.targets))))
 
 
 def restrained(

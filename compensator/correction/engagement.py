@@ -291,11 +291,13 @@ def _refuse_what_does_not_fit(predicted: Predicted, growth: Array, stiffness: Ar
     if not across[over].sum() > FITS * across[predicted.targets].sum():
         return
     worst = int(np.argmax(np.where(over, across, 0.0)))
+    no_zero = any(finding.code == "CS3041" for finding in predicted.findings)
     raise CompstiffError(Finding(
         "CS4123", "error", f"with a cutting stiffness of {1e-3 * stiffness[worst]:g} N/mm the force here would change by "
         f"{100 * growth[worst]:.0f} %, expected less than 100 %", file=toolpath.source, line=int(toolpath.line[worst]),
         target=int(toolpath.number[worst]),
-        hint="are the forces of the log in newtons? The stiffness is in newton per millimetre of depth, about force divided by "
+        hint=("name an air move with --tare: the air moves show a force, too. And " if no_zero else "")
+        + "are the forces of the log in newtons? The stiffness is in newton per millimetre of depth, about force divided by "
         "depth of cut"))
 
 

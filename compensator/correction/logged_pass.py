@@ -188,8 +188,8 @@ def pass_pair(first: Predicted, second: Predicted, offsets: Array) -> PassPair:
     if both.sum() < FEWEST_TARGETS:
         raise error("CS4122", "the two passes do not determine the cutting stiffness: only "
                     f"{counted(int(both.sum()), 'target')} with force in both, expected at least {FEWEST_TARGETS}",
-                    file=first.path.toolpath.source, hint="is each log that of its pass? State it with --cutting-stiffness, or "
-                    "correct from the second log alone")
+                    file=first.path.toolpath.source, hint="is each log that of its pass? Leave --first-forces out, and correct "
+                    "from the second log with --logged-with alone, or state it with --cutting-stiffness")
     n = direction[both]
     change = np.einsum("ni,ni->n", (second.forces.wrench - first.forces.wrench)[both, :3], n)
     depth = np.einsum("ni,ni->n", (standing(first, None) - standing(second, offsets))[both], n)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.expected_left import ExpectedLeft
+from compensator.correction.logged_pass import FEWEST_TARGETS
 from compensator.correction.predict import Predicted
 from identification.common.arrays import Array
 from identification.common.findings import Finding, counted
@@ -50,15 +51,16 @@ def waiting(predicted: Predicted, left: ExpectedLeft) -> Waiting:
     return Waiting(predicted.targets[waits], std[waits], then[waits])
 
 
-def told(found: Waiting, predicted: Predicted) -> tuple[Finding, ...]:
-    """CS4115: where, what is expected there, and what the next pass gains."""
+def told(found: Waiting, predicted: Predicted, given: int) -> tuple[Finding, ...]:
+    """CS4115: where, what is expected there, and what the next pass gains. given: targets of the planned program with force; of
+    one with fewer than a pair of passes asks for the second log is taken alone."""
     if not len(found.targets):
         return ()
     figures, worst = found.as_dict(), int(np.argmax(found.now))
-    log = predicted.forces.log.source
+    pair = f" and --first-forces {predicted.forces.log.source}" if given >= FEWEST_TARGETS else ""
     return (predicted.path.finding(
         int(found.targets[worst]), "CS4115", "note", f"at {counted(len(found.targets), 'target')}, here most, the force that "
         f"was logged is not that of a tool on the plan: up to {figures['two_sigma_um']:.0f} um are left there (2 sigma), about "
         f"{2e6 * found.then[worst]:.0f} once the corrected pass was logged",
         "log the corrected pass, then correct the planned program by that log with --logged-with OFFSETS.csv (write it now: "
-        f"--offsets) and --first-forces {log}"),)
+        f"--offsets){pair}"),)

@@ -16,6 +16,7 @@ from compensator.learned.learned import DRIFT, SETUP, Learned
 from compensator.learning.causes import ask, said_of_causes, tested, with_free_laws
 from compensator.learning.fitted_part import Believed, fitted_part
 from compensator.learning.learning import Learning
+from compensator.learning.long_moves import said_of_long_moves
 from compensator.learning.measured_points import read_points
 from compensator.learning.normals_alone import said_of_normals
 from compensator.learning.path_places import place_points
@@ -67,7 +68,8 @@ def learn(
     placed = place_points(points, predicted, radius, within)
     rows = rows_of(points, placed, predicted, offsets_of_pass(chosen.logged_with, predicted) if chosen.logged_with else None)
     told = rows.seen(predicted.prediction.position)[:, 0]
-    normals = said_of_normals(rows, rows.value, told, predicted, points.source)
+    normals = [*said_of_long_moves(placed, predicted, points.source),
+               *said_of_normals(rows, rows.value, told, predicted, points.source)]
     refuse_wrong_axes(rows, rows.value, told, points.source)
     wide = Estimate(1.0, max(MOTION, cell.motion.compliance_std))
     motion = wide if chosen.scale == EXACTLY_ONE else chosen.scale

@@ -10,8 +10,8 @@ from compensator.learning.rows import Rows
 from identification.common.arrays import Array, directions, rms
 from identification.common.findings import Finding
 
-# So many places at least; so large a part of the prediction along the feed [m, RMS], and so many sigmas of the readings; under
-# such a share of it, or so many sigmas, next to nothing was read; while across the feed at least such a share was.
+# So many places at least; so large a part of the prediction along the feed [m], and so many sigmas of the readings; under such
+# a share of it, or so many sigmas, next to nothing was read; while across the feed at least such a share was.
 FEWEST, LEAST, CLEARLY = 12, 2e-5, 3.0
 NOTHING, WITHIN, THERE = 0.1, 1.5, 0.5
 # The feed's direction is that over so far a way to both sides [m].
@@ -36,11 +36,12 @@ def said_of_normals(rows: Rows, measured: Array, told: Array, predicted: Predict
     along = [np.einsum("pc,pc->p", values, feed) for values in (read, expected)]
     across = [np.linalg.norm(values - part[:, None] * feed, axis=1)
               for values, part in zip((read, expected), along, strict=True)]
-    sigma, size = rms(rows.sigma), rms(along[1])
-    if size < max(LEAST, CLEARLY * sigma) or rms(along[0]) > max(NOTHING * size, WITHIN * sigma) or (
-            rms(across[0]) < THERE * rms(across[1])):
+    # In the middle: at arcs the feed is that of their chords.
+    sigma = rms(rows.sigma)
+    (read_along, size), (read_across, wide) = ([float(np.median(np.abs(each))) for each in both] for both in (along, across))
+    if size < max(LEAST, CLEARLY * sigma) or read_along > max(NOTHING * size, WITHIN * sigma) or read_across < THERE * wide:
         return []
-    return [Finding("CS5332", "warning", f"along the feed the points are off by {1e6 * rms(along[0]):.0f} um RMS, where "
-                    f"{1e6 * size:.0f} are predicted, and across it by {1e6 * rms(across[0]):.0f} of "
-                    f"{1e6 * rms(across[1]):.0f}", file=source, hint="a probe feels along the surface's normal alone: then "
-                    "give nx ny nz and dn_um, or leave the other components empty; as zeros they make the robot too stiff")]
+    return [Finding("CS5332", "warning", f"along the feed the points are off by {1e6 * read_along:.0f} um in the middle, where "
+                    f"{1e6 * size:.0f} are predicted, and across it by {1e6 * read_across:.0f} of {1e6 * wide:.0f}",
+                    file=source, hint="a probe feels along the surface's normal alone: then give nx ny nz and dn_um, or leave "
+                    "the other components empty; as zeros they make the robot too stiff")]

@@ -14,6 +14,8 @@ from compensator.correction.correct import correct
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import Settings
+from tests.runs.command_line.test_placement import Path3
+from tests.runs.command_line.user_files import Job
 from tests.support import long
 
 
@@ -92,3 +94,17 @@ def test_the_sample_as_it_is_and_its_corrected_program(sample_inputs: Inputs, pl
     (tmp_path / "part.mod").write_bytes(corrected.content)
     again = correct(predict_files(replace(sample_inputs, toolpath=tmp_path / "part.mod"), Settings.of(tare=((0, 2),))))
     assert "CS3075" in {finding.code for finding in again.findings}
+
+
+@pytest.mark.parametrize(("aside_mm", "said"), [(0.0, []), (0.5, []), (3.0, ["CS3120 False"]), (-2.0, ["CS3120 False"])])
+def test_a_long_move_that_was_changed_since_is_told(tmp_path: Path, aside_mm: float, said: list[str]) -> None:
+    """Five straight moves of 30 mm; the pass that was logged had one of them elsewhere, as of the program before an edit."""
+    path = Path3(np.array([[30.0 * i, 0, 0] for i in range(6)]))
+    way = np.arange(0.0, 150.0, 0.05)
+    there = np.column_stack([way, np.where((way > 60) & (way < 90), aside_mm, 0.0), 0 * way])
+    rows = np.column_stack([path.at(there), np.tile([20.0, 10.0, -5.0], (len(way), 1))])
+    Job(tmp_path, program=path.program(), forces="\n".join(["x_mm,y_mm,z_mm,fx_n,fy_n,fz_n", *(
+        ",".join(f"{value:.9g}" for value in row) for row in rows)]) + "\n").write()
+    planned = predict_files(Inputs(tmp_path / "cell.yaml", tmp_path / "part.mod", tmp_path / "stiffness.json",
+                                   tmp_path / "forces.csv"))
+    assert codes(planned, None) == said

@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from compensator.correction.correct import correct
 from compensator.correction.engagement import _where_it_changes
+from compensator.correction.files import Inputs, predict_files
+from compensator.correction.settings import Estimate, Settings
+from identification.common.findings import CompstiffError
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3, line
 from tests.runs.command_line.user_files import IRB6660, TOOL, Job, K
@@ -192,6 +196,17 @@ def test_where_the_corrected_pass_cut_nothing_nothing_is_followed(tmp_path: Path
     alike = np.delete(np.arange(COUNT), [29, 30, 31, 32, 33])
     np.testing.assert_allclose(offsets[1][alike], offsets[0][alike], atol=1e-6)
     assert offsets[1][30:33].max() < 3e-3 * offsets[0][30:33].min()
+
+
+@pytest.mark.parametrize(("tare", "named"), [((), True), (((0, 2),), False)])
+def test_a_cut_that_does_not_fit_a_log_without_its_zero_asks_for_that(
+    sample_inputs: Inputs, tare: tuple[tuple[int, int], ...], named: bool
+) -> None:
+    planned = predict_files(sample_inputs, Settings.of(tare=tare, cutting_stiffness=Estimate(4e7, 0.0)))
+    with pytest.raises(CompstiffError) as stopped:
+        correct(planned)
+    (finding,) = [each for each in stopped.value.findings if each.code == "CS4123"]
+    assert ("--tare" in finding.hint) == named
 
 
 def test_refusals(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:

@@ -11,6 +11,7 @@ import pytest
 from compensator.correction.correct import correct
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.pass_offsets import offsets_of_pass
+from compensator.correction.waiting import Waiting, told
 from compensator.learning.measured_points import read_points
 from compensator.learning.path_places import place_points
 from identification.common.added_targets import read_added
@@ -179,6 +180,39 @@ def test_the_column_has_the_offsets_of_the_added_targets(found: Correction, offs
         written += len(own) + 1
     assert written == len(found.part.target_mm)
     assert np.linalg.norm((found.commands.position_mm - found.part.target_mm)[number], axis=1).max() > 0.1
+
+
+def test_the_tool_of_a_corrected_pass_stood_on_the_plan_between_the_targets_too(tmp_path: Path) -> None:
+    """Of a slot with a target at either end and next to nothing between the offsets are in added targets. Where these are not
+    known, as in a file without their columns, the tool is taken to have stood aside by what was corrected already."""
+    job = MillingJob(tmp_path, 12, design="poses20", part=slot_and_pocket(200.0, pocket=False))
+    springs = job.springs("springs.json", job.case.plant.stiffness)
+    found = job.correct(job.log(job.first, job.planned, "pass1.csv"), springs)
+    offsets, old = job.offsets(found, "offsets.csv"), tmp_path / "old.csv"
+    old.write_text(offsets.read_text().replace("added_mm", "x_added_mm"))
+    log = job.log(job.mill(found.commands, part=found.part), found.commands, "pass2.csv", part=found.part)
+
+    def stood(file: Path) -> tuple[float, list[str]]:
+        again = correct(predict_files(Inputs(job.cell, job.program, springs, log), settings(logged_with=file)))
+        which = np.setdiff1d(again.predicted.targets, again.kept)
+        position = np.zeros((len(again.predicted.path.toolpath), 3))
+        position[again.predicted.targets] = again.predicted.prediction.position
+        sent = again.logged.offsets.over(again.predicted.path, again.kept)
+        return rms(1e6 * np.linalg.norm((position + sent)[which], axis=1)), [finding.code for finding in again.findings]
+
+    (aside, codes), (unknown, of_old) = stood(offsets), stood(old)
+    assert unknown > 40
+    assert aside < 0.15 * unknown
+    assert "CS4130" not in codes
+    assert "CS4130" in of_old
+
+
+@pytest.mark.parametrize(("given", "both"), [(21, False), (40, True)])
+def test_a_program_of_few_targets_is_not_told_to_name_both_logs(found: Correction, given: int, both: bool) -> None:
+    """A pair of passes asks for forty; the call that is advised must not end in an error."""
+    (finding,) = told(Waiting(found.job.predicted.targets[:1], np.array([1e-4]), np.array([2e-5])), found.job.predicted, given)
+    assert "--logged-with" in finding.hint
+    assert ("--first-forces" in finding.hint) == both
 
 
 def test_a_limit_that_is_passed_is_told_with_what_the_log_says_of_its_pass(

@@ -13,9 +13,14 @@ import pytest
 
 import compstiff
 from compensator.correction.expected_left import CAUSES
+from compensator.learning.long_moves import said_of_long_moves
+from compensator.learning.measured_points import read_points
+from compensator.learning.normals_alone import said_of_normals
+from compensator.learning.path_places import place_points
+from compensator.learning.rows import rows_of
 from tests.runs.command_line import user_files as kit
 from tests.runs.milling.learning_job import MOTION, Both, ErringJob, corrected, mirrored, off_um
-from tests.runs.milling.milling_job import Correction, rms, settings
+from tests.runs.milling.milling_job import Correction, MillingJob, rms, settings
 from tests.virtual_cell.milled_part import slot_and_pocket
 from tests.virtual_cell.milling import Commands
 
@@ -221,6 +226,18 @@ def test_a_remainder_larger_than_physics_is_refused(job: ErringJob, stiffness: P
     assert "calibration" in stopped.value.findings[0].message
 
 
+def told(job: MillingJob, stiffness: Path, log: Path, points: Path) -> set[str]:
+    """What is said of where the points lie and of what was read there, without learning from them."""
+    cell = compstiff.read_cell(job.cell)
+    program, model = compstiff.read_toolpath(job.program, cell), compstiff.read_stiffness(stiffness, cell)
+    predicted, measured = compstiff.predict(cell, program, model, log, settings()), read_points(points, cell)
+    placed = place_points(measured, predicted, 0.0, 1e-3)
+    rows = rows_of(measured, placed, predicted)
+    expected = rows.seen(predicted.prediction.position)[:, 0]
+    found = [*said_of_normals(rows, rows.value, expected, predicted, ""), *said_of_long_moves(placed, predicted, "")]
+    return {finding.code for finding in found}
+
+
 def test_vectors_along_the_normal_alone_are_told(job: ErringJob, stiffness: Path, log: Path) -> None:
     """A probe's readings as three components: what the tool did along the feed was not felt, and stands there as nothing."""
     first = job.first
@@ -228,13 +245,19 @@ def test_vectors_along_the_normal_alone_are_told(job: ErringJob, stiffness: Path
     feed = np.gradient(place, axis=0)
     feed /= np.maximum(np.linalg.norm(feed, axis=1), 1e-9)[:, None]
     felt = first.off_um - np.einsum("ni,ni->n", first.off_um, feed)[:, None] * feed
+    assert told(job, stiffness, log, job.measure(first, "normals.csv", values_um=felt)) == {"CS5332"}
+    assert told(job, stiffness, log, job.measure(first, "whole.csv")) == set()
 
-    def codes(name: str, off_um: np.ndarray) -> set[str]:
-        learning, _ = job.learn(stiffness, log, job.measure(first, name, values_um=off_um))
-        return {finding.code for finding in learning.findings}
 
-    assert "CS5332" in codes("normals.csv", felt)
-    assert "CS5332" not in codes("whole.csv", first.off_um)
+def test_points_on_long_moves_are_told(tmp_path: Path) -> None:
+    """A slot with a target at either end and next to nothing between."""
+    plain = MillingJob(tmp_path, 3, design="poses20", part=slot_and_pocket(200.0, pocket=False))
+    springs, first = plain.springs("springs.json", plain.case.plant.stiffness), plain.first
+    place = first.steps.between(plain.part.target_mm)[first.cutting]
+    points = tmp_path / "points.csv"
+    rows = [",".join(f"{value:.5g}" for value in row) for row in np.column_stack([place, first.off_um[first.cutting]])]
+    points.write_text("\n".join(["x_mm,y_mm,z_mm,dx_um,dy_um,dz_um", *rows]) + "\n")
+    assert told(plain, springs, plain.log(first, plain.planned, "log.csv"), points) == {"CS5333"}
 
 
 # Long: what chance teaches is held in tests/compensator/learning/test_laws_learning.py.
