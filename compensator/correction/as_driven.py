@@ -23,8 +23,6 @@ EXPLAINS, TIMES, HARDLY = 0.5, (0.7, 1.4), 0.3
 BESIDE = 1.5e-4
 # So does a stretch, where the middles of so many targets that follow each other are as large [m], over this share of all.
 IN_A_ROW, STRETCH, SHARE = 15, 2.5e-4, 0.12
-
-
 # Of a single straight move of so many metres it says so where the middle of the samples on so much of its middle stands aside
 # by so much and twice the deflection [m], and its zones end before that.
 LONG, MIDDLE, FAR, SAMPLES = 0.02, 0.6, 1e-3, 20
@@ -46,27 +44,31 @@ def _beside_long_moves(planned: Predicted) -> tuple[Finding, ...]:
     toolpath = path.toolpath
     if log.beside is None or path.axes.driven or toolpath.driven is not None or toolpath.ways:
         return ()
-    placed = np.isfinite(log.place) & np.isfinite(log.beside).all(axis=1)
-    place, beside = log.place[placed], path.axes.world_from_base.inverse().turn(log.beside[placed])
     position, length = path.base_from_tcp.position, path.length
-    deflection = dict(zip(targets.tolist(), np.linalg.norm(planned.prediction.position, axis=1), strict=True))
-    margin, found = 0.5 * (1 - MIDDLE), []
-    for to in np.intersect1d(targets, targets + 1).tolist():
-        way = length[to] - length[to - 1]
-        if toolpath.move[to] != Move.LINEAR or not way >= LONG or not max(toolpath.zone[to - 1:to + 1]) <= margin * way:
-            continue
-        here = (place > length[to - 1] + margin * way) & (place < length[to] - margin * way)
-        along = directions((position[to] - position[to - 1])[None])[0]
-        middle = np.median(beside[here], axis=0) if here.sum() >= SAMPLES else np.zeros(3)
-        aside = middle - (middle @ along) * along
-        if np.linalg.norm(aside) > FAR + 2 * max(deflection[to], deflection[to - 1]):
-            found.append((to, aside))
+    yields = np.zeros(len(length))
+    yields[targets] = np.linalg.norm(planned.prediction.position, axis=1)
+    to = np.intersect1d(targets, targets + 1)
+    way, margin = length[to] - length[to - 1], 0.5 * (1 - MIDDLE)
+    zones = np.maximum(toolpath.zone[to - 1], toolpath.zone[to])
+    chosen = (toolpath.move[to] == Move.LINEAR) & (way >= LONG) & (zones <= margin * way)
+    to, margin = to[chosen], margin * way[chosen]
+    placed = np.flatnonzero(np.isfinite(log.place) & np.isfinite(log.beside).all(axis=1))
+    placed = placed[np.argsort(log.place[placed], kind="stable")]
+    beside = path.axes.world_from_base.inverse().turn(log.beside[placed])
+    first = np.searchsorted(log.place[placed], length[to - 1] + margin, side="right")
+    last = np.searchsorted(log.place[placed], length[to] - margin)
+    along, found = directions(position[to] - position[to - 1]), []
+    for k in np.flatnonzero(last - first >= SAMPLES).tolist():
+        middle = np.median(beside[first[k]:last[k]], axis=0)
+        aside = middle - (middle @ along[k]) * along[k]
+        if np.linalg.norm(aside) > FAR + 2 * max(yields[to[k]], yields[to[k] - 1]):
+            found.append((int(to[k]), aside))
     if not found:
         return ()
-    to, aside = max(found, key=lambda one: float(np.linalg.norm(one[1])))
+    worst, aside = max(found, key=lambda one: float(np.linalg.norm(one[1])))
     axes = ", ".join(f"{1e3 * axis:+.2f}" for axis in aside)
     return (path.finding(
-        to, "CS3120", "warning", f"the samples of {counted(len(found), 'straight move')} lie beside the path, here most, by "
+        worst, "CS3120", "warning", f"the samples of {counted(len(found), 'straight move')} lie beside the path, here most, by "
         f"{1e3 * np.linalg.norm(aside):.2g} mm ({axes} mm, base frame)",
         "was this part of the program changed since the log was taken? Log the program as it is"),)
 
