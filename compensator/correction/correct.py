@@ -212,7 +212,8 @@ def _under(planned: Predicted, logged: LoggedPass, sent: Predicted) -> Corrected
     findings = (*predicted.findings, *logged.findings, *of_corners, *cut.findings, *correction.findings, *written.findings,
                 *of_marks, *(between.findings if between else ()), *(feed.findings if feed else ()))
     if written.content == planned.program.text.source.data:
-        raise Refused(nothing_corrected(predicted, correction), *(finding for finding in findings if finding.level != "note"))
+        raise Refused(nothing_corrected(planned, predicted, correction),
+                      *(finding for finding in findings if finding.level != "note"))
     advice = advise(planned.loaded) if settings.advise else None
     left = expected_left(predicted, kept, known, residual, between)
     waits = waiting(predicted, left)

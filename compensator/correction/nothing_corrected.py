@@ -11,10 +11,16 @@ from compensator.correction.predict import Predicted
 from identification.common.findings import Finding, counted
 
 
-def nothing_corrected(predicted: Predicted, correction: Correction) -> Finding:
-    """CS3086, with the reason that holds for most targets."""
+def nothing_corrected(planned: Predicted, predicted: Predicted, correction: Correction) -> Finding:
+    """CS3086, with the reason that holds for most targets. planned: the program as it was given."""
     path, forces, log = predicted.path, predicted.forces, predicted.forces.log.source
     forced = np.flatnonzero(forces.forced)
+    if not len(forced) and len(planned.targets):
+        own = "--keep-targets was given" if planned.settings.correction.keep_targets else "to these moves none can be added"
+        return planned.path.finding(
+            int(planned.targets[0]), "CS3086", "error", "nothing is corrected: the tool cuts between targets that stand in the "
+            f"air, and {own}", "let the post write a target where the tool enters the stock and one where it leaves, or moves "
+            "that stand one a line")
     if not len(forced):
         return Finding("CS3086", "error", "nothing is corrected: by this log no move has force", file=log,
                        hint="is it the log of the pass that cut, with its forces in newtons? A program that does not cut is "

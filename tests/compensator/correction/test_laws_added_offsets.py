@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 import compstiff
 from compensator.correction.pass_offsets import PassOffsets, read_offsets
 from compensator.correction.settings import Estimate
+from identification.common.findings import Refused
 from identification.model.stiffness import IdentifiedModel
 
 CELL = """\
@@ -103,6 +104,15 @@ def test_a_pass_corrected_at_added_targets_is_not_corrected_twice(tmp_path: Path
     without, found = corrected("without", two, logged_with=tmp_path / "first.csv")
     assert "CS4130" in {finding.code for finding in found.findings}
     assert np.linalg.norm(offsets_in_cut(without)[0]) > (1 + 0.7 * grows) * np.linalg.norm(had[0])
+
+
+def test_cuts_between_targets_in_the_air_are_told_where_none_may_be_added(tmp_path: Path) -> None:
+    cell, program, model = job(tmp_path)
+    forces = log(tmp_path / "log.csv", targets(program.read_text()), ON_PLAN)
+    planned = compstiff.predict(cell, compstiff.read_toolpath(program, cell), model, forces,
+                                compstiff.Settings.of(tare=((0, 0),), keep_targets=True))
+    with pytest.raises(Refused, match="between targets that stand in the air, and --keep-targets was given"):
+        compstiff.correct(planned)
 
 
 def rows_of(file: Path) -> list[dict[str, str]]:
