@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
+from identification.common.clock_times import TIME, with_seconds
 from identification.common.findings import CompstiffError, Finding, Level, counted, error, verb
 from identification.common.header_names import renamed
 from identification.common.sizes import LARGEST_CELL
@@ -32,7 +33,8 @@ _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")           # 1,234 may be eit
 # What people write in place of a number, and what to do about it.
 _SLIPS = (
     (re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?"), "write it without commas between thousands"),
-    (re.compile(r".*\d:\d\d.*|\d{1,4}[-./]\d{1,2}[-./]\d{1,4}"), "write times as seconds in one number, from any start"),
+    (re.compile(r".*\d:\d\d.*|\d{1,4}[-./]\d{1,2}[-./]\d{1,4}"),
+     "write times as seconds in one number, from any start, or all of them as hh:mm:ss"),
     (re.compile(r"[-+]?\d+([.,]\d+)?\s*[^\W\d_eE][^\d]*"), "write the number alone: its unit is in the column's name"),
 )
 # How files begin that are often given for a text table, and what they are.
@@ -106,6 +108,9 @@ def _table(
         may_be_empty, together = [*may_be_empty, *group], [*together, group]
     check_columns(names, required, together, file, header_line, optional=(*optional, *texts))
     wanted = [*required, *(name for name in optional if name in names)]
+    clocked = tuple[Finding, ...]()
+    if TIME in wanted:
+        frame, clocked = with_seconds(frame, file, line)
     numbers = as_numbers(frame[wanted], file, names, line, may_be_empty=may_be_empty)
     # A column of which all cells are empty, or numbers, is one of numbers so far.
     labels = {name: frame[name].astype(object).where(frame[name].notna(), "").astype(str).str.strip().to_numpy(dtype=object)
@@ -113,7 +118,7 @@ def _table(
     known = (*required, *optional, *texts)
     other = unread([name for name in names if name not in known], [name for name in known if name not in names])
     notes = [Finding("CS0204", level, text, file=file, line=header_line) for level, text in other]
-    return Table(file, numbers, labels, line, tuple(names), tuple(notes))
+    return Table(file, numbers, labels, line, tuple(names), (*clocked, *notes))
 
 
 def check_columns(

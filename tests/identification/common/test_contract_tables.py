@@ -170,3 +170,29 @@ def test_a_separator_within_quotes_is_none(tmp_path: Path) -> None:
     table = read_table(file, required=("a", "b"), texts=("pose",), may_be_empty=("b",))
     assert table.texts["pose"].tolist() == ['A, or "B"', "C"]
     assert table.numbers["a"].tolist() == [1, 3]
+
+
+@pytest.mark.parametrize(("cells", "expected"), [
+    (("08:14:07", "08:14:37,250", "8:15:00.5"), (29647.0, 29677.25, 29700.5)),
+    (("23:59:50", "", "00:00:20"), (86390.0, np.nan, 86420.0)),
+    # A clock that was set back by an hour is none of another day.
+    (("02:59:50", "02:00:20"), (10790.0, 7220.0)),
+])
+def test_times_by_the_clock_are_seconds_of_the_day(tmp_path: Path, cells: tuple[str, ...], expected: tuple[float, ...]) -> None:
+    """In semicolons, as a spreadsheet with decimal commas writes them; a note says what the first was read as."""
+    file = tmp_path / "times.csv"
+    file.write_text("time_s;dx_um\n" + "".join(f"{cell};1,5\n" for cell in cells))
+    table = read_table(file, required=("dx_um",), optional=("time_s",), may_be_empty=("time_s",))
+    np.testing.assert_allclose(table.numbers["time_s"], expected)
+    (said,) = table.findings
+    assert (said.code, said.level, f"{cells[0]} as {expected[0]:g}" in said.message) == ("CS0208", "note", True)
+
+
+@pytest.mark.parametrize("cells", [("08:14:07", "12.5"), ("08:14", "08:15"), ("25:00:00", "25:00:01"), ("08:14:07", "later")])
+def test_times_that_are_not_all_by_the_clock_are_none(tmp_path: Path, cells: tuple[str, ...]) -> None:
+    file = tmp_path / "times.csv"
+    file.write_text("time_s,dx_um\n" + "".join(f"{cell},1.5\n" for cell in cells))
+    with pytest.raises(CompstiffError) as stopped:
+        read_table(file, required=("time_s", "dx_um"))
+    assert {finding.code for finding in stopped.value.findings} == {"CS0203"}
+    assert "hh:mm:ss" in "".join(finding.hint for finding in stopped.value.findings)
