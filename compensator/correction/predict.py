@@ -34,6 +34,7 @@ from identification.common.findings import CompstiffError, Finding, Refused, cou
 from identification.common.made_from import said_of_tables
 from identification.common.quantities import two_sigma
 from identification.model.cell import Cell
+from identification.model.cell_sizes import odd_sizes
 from identification.model.quaternion_order import in_words, other_order
 from identification.model.rotations import Frame
 from identification.model.stiffness import IdentifiedModel
@@ -238,7 +239,8 @@ def under_forces(
 ) -> Predicted:
     """The program as the robot drives it, under the forces of one log, or, without one, under those its stock lets expect.
     Raises as `predict`."""
-    noticed: tuple[Finding, ...] = program.toolpath.findings
+    of_program: tuple[Finding, ...] = (*program.toolpath.findings, *odd_sizes(path.cell))
+    noticed = of_program
     try:
         log = _by_marks(read_log(path, forces, settings), path, program, settings)
         if settings.correction.logged_with is not None:
@@ -249,7 +251,7 @@ def under_forces(
         placed = place_forces(log, path, path.cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)
         # Of a pass with offsets its positions are judged with these (as_driven.py).
         of_log = [finding for finding in placed.findings if finding.code != "CS3120" or settings.correction.logged_with is None]
-        noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *of_log,
+        noticed = (*of_program, *(path.findings if placed.forced.any() else ()), *of_log,
                    *_without_zero(placed, path, settings), *other_tools(path, placed.forced))
         targets, left = targets_to_correct(path, placed)
         if learned is not None:

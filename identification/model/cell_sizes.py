@@ -22,9 +22,10 @@ def odd_sizes(cell: Cell) -> list[Finding]:
     sensor = cell.force_log.flange_from_sensor
     away = 0.0 if sensor is None else 1e3 * float(np.linalg.norm(sensor.position))
     said = []
-    if payload is not None and cell.tool_mass is not None and cell.tool_mass > payload:
-        said.append((f"tool.mass_kg is {cell.tool_mass:g}, and {cell.robot.name} carries {payload:g} kg",
-                     "it is in kilograms: is it in grams or newtons?"))
+    for mass, name in {cell.force_log.mass: "force_log.payload", cell.tool_mass: "tool"}.items():
+        if payload is not None and mass is not None and mass > payload:
+            said.append((f"{name}.mass_kg is {mass:g}, and {cell.robot.name} carries {payload:g} kg",
+                         "it is in kilograms: is it in grams or newtons?"))
     if tcp > FARTHEST_TCP:
         said.append((f"the TCP is {tcp:.4g} mm from the flange", "tool.position_mm is in millimetres: is it in micrometres?"))
     if not (SIGMA[0] <= sigma.min() and sigma.max() <= SIGMA[1]):

@@ -123,6 +123,17 @@ def test_numbers_that_no_cell_has_are_said_by_init_and_check(tmp_path: Path, wor
         assert all(said in one["message"] and Path(one["file"]) == tmp_path / "new" / "cell.yaml" for one in told)
 
 
+def test_a_payload_in_grams_is_said_where_its_weight_is_subtracted(tmp_path: Path) -> None:
+    shop = workshop(ROBOTS[0])
+    cell = shop.files["cell.yaml"]
+    stated = "force_log: {frame: base, sign: on_tool"
+    assert cell.count(stated) == 1
+    grams = cell.replace(stated, f"{stated}, payload: {{mass_kg: 71000, centre_of_mass_mm: [0, 0, 120]}}")
+    told = [shop.run(tmp_path, {"cell.yaml": text}, *call("--force")) for text in (cell, grams)]
+    assert ["CS0119" in kit.codes(done) for done in told] == [False, True], told
+    assert "force_log.payload.mass_kg is 71000" in told[1].out
+
+
 def test_a_prediction_is_no_measurement(tmp_path: Path) -> None:
     """`verify` and `learn` with the offsets.csv of the correction itself in place of what was measured."""
     shop = workshop(ROBOTS[0])
