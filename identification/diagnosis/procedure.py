@@ -40,7 +40,7 @@ from identification.diagnosis.odds import (
 from identification.diagnosis.power import showing
 from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.share import share_of
-from identification.diagnosis.slight import at_a_bound, no_names, of_nothing, without_slight
+from identification.diagnosis.slight import no_names, of_nothing, without_slight
 from identification.diagnosis.slips_rather import suspected, wrong_angles_rather
 from identification.diagnosis.swing import swing_of
 from identification.diagnosis.unsettled import unsettled_zero_of
@@ -76,7 +76,6 @@ NEARLY_ALL = 0.97
 # How many of the nearest names go with an unknown cause.
 NEAREST = 5
 NOTHING_IN_WORDS = "all its parameters lie within two of their standard deviations of nothing"
-BOUND_IN_WORDS = "its size ended at the largest that is possible: something else is at work"
 SCATTER_IN_WORDS = "several of one kind without a significant misfit stand for scatter, not for causes"
 # So many poses that do not fit the others, none by a slip that is likely, are no chance: something depends on the pose.
 SEVERAL = 3
@@ -288,9 +287,6 @@ class Procedure:
         nothing = of_nothing(extended)
         if nothing:
             return self.unknown(judgement, seen, judgement.detection, dict.fromkeys(sorted(nothing), NOTHING_IN_WORDS))
-        beyond = at_a_bound(extended)
-        if beyond:
-            return self.unknown(judgement, seen, judgement.detection, dict.fromkeys(sorted(beyond), BOUND_IN_WORDS))
         if judgement.detection.p_value > self.alarm and len({cause.effect.name for cause in causes}) < len(causes):
             return self.unknown(judgement, seen, judgement.detection,
                                 dict.fromkeys((cause.label for cause in causes), SCATTER_IN_WORDS))

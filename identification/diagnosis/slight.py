@@ -26,8 +26,6 @@ from identification.model.law_of import uncertain
 SLIGHT = 0.4
 # So many of its own standard deviations from nothing is nothing.
 NOTHING = 2.0
-# From this share of the largest size that a parameter may have on it ended there.
-AT_A_BOUND = 0.999
 # ln of how much likelier the rows are with what is needed.
 NEEDED = float(np.log(1000.0))
 # Nor is one of this share of the signal of an effect whose law is uncertain by more.
@@ -178,18 +176,6 @@ def of_nothing(extended: Posterior) -> set[str]:
         if not beyond_nothing(off, covariance):
             nothing.add(term.label)
     return {label for label in nothing if not _needed(extended, label)}
-
-
-def at_a_bound(extended: Posterior) -> set[str]:
-    """Labels of terms of which a parameter, but for those that only shape them, ended at the largest size that it may have."""
-    place, found = len(extended.mean[SPRINGS]), set()
-    for term in extended.terms:
-        for value, parameter in zip(extended.mean[place:], term.effect.parameters, strict=False):
-            beyond = max(value / parameter.high if parameter.high > 0 else 0, value / parameter.low if parameter.low < 0 else 0)
-            if not parameter.shape and beyond > AT_A_BOUND:
-                found.add(term.label)
-        place += len(term.effect.parameters)
-    return found
 
 
 def _needed(extended: Posterior, label: str) -> bool:

@@ -7,7 +7,6 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,14 +17,14 @@ from identification.diagnosis.diagnose import Diagnosis, diagnose
 from identification.diagnosis.judgement import Cause, Judgement
 from identification.diagnosis.pages import diagnosis_report
 from identification.diagnosis.share import MOST_ROWS, share_of
-from identification.diagnosis.slight import at_a_bound, of_nothing
+from identification.diagnosis.slight import of_nothing
 from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
-from identification.model.law_of import LawOf, known, uncertain
+from identification.model.law_of import LawOf, uncertain
 from identification.model.stiffness_file import read_stiffness
 from tests.runs.command_line import user_files as kit
 from tests.runs.hidden_effects.cases import hidden_in
@@ -240,18 +239,6 @@ def test_shapes_of_a_law_are_linear_and_whole() -> None:
     assert len(LawOf(effects()["base_rocking"]).parameters) == 18
     assert len(LawOf(effects()["force_sensor_compliance"]).parameters) == 3 + 18
     assert not uncertain(effects()["force_gain"])
-
-
-def test_a_size_that_ends_at_its_bound_is_told() -> None:
-    """Either way, of a size and not of a shape; a gap of nothing, which is where it is absent, is none."""
-    gain, disc = effects()["force_gain"], known("hook_weight.disc")
-    assert disc is not None
-    (relative,), (force, start) = gain.parameters, disc.parameters
-    for values, found in (((relative.low, 0.0, start.high), {"gain"}), ((relative.high, 0.0, start.low), {"gain"}),
-                          ((0.9 * relative.low, force.high, 0.0), {"disc"}), ((0.0, 0.99 * force.low, start.high), set())):
-        model = SimpleNamespace(mean=np.array([*np.zeros(6), *values]), terms=(
-            SimpleNamespace(effect=gain, label="gain"), SimpleNamespace(effect=disc, label="disc")))
-        assert at_a_bound(model) == found
 
 
 def test_a_long_file_is_looked_at_in_part(tmp_path: Path) -> None:

@@ -153,8 +153,8 @@ TABLE = [
     M("a line at the end", "measurements.csv", lambda text: text + "End of measurement\n", IDENTIFY, 1, "CS0201"),
     M("a dash for a reading", "measurements.csv", lines(lambda rows: [*rows[:3], rows[3].rsplit(",", 1)[0] + ",-", *rows[4:]]),
       IDENTIFY, 1, "CS0203"),
-    M("times to the minute", "measurements.csv", lines(lambda rows: [rows[0] + ",time_s", *(row + ",10:21" for row in rows[1:])]),
-      IDENTIFY, 1, "CS0203"),
+    M("times to the minute", "measurements.csv",
+      lines(lambda rows: [rows[0] + ",time_s", *(row + ",10:21" for row in rows[1:])]), IDENTIFY, 1, "CS0203"),
     M("a plan that was not filled in", "measurements.csv", lines(lambda rows: [rows[0], *(row.rsplit(",", 3)[0] + ",,,"
       for row in rows[1:])]), IDENTIFY, 1, "CS1004"),
     M("a sensor unplugged", "measurements.csv", columns(["dz_um"], 0), IDENTIFY, 0, "CS1021"),
