@@ -14,8 +14,8 @@ from compensator.cutting.posterior import ForcePosterior, ForceRows, fit_coeffic
 from identification.common.arrays import Array
 from identification.common.findings import Finding
 
-# Steps whose cut ends so near to the top reach it [m]; the top is tried within so much, 1 sigma, and told for so much [m].
-AT_THE_TOP, TRIED, A_MILLIMETRE = 0.1e-3, 1e-3, 1e-3
+# The top is tried within so much, 1 sigma, and told for so much [m].
+TRIED, A_MILLIMETRE = 1e-3, 1e-3
 # The log speaks for another top where a fit leaves so large a share of the force, and with it so much less: of 33 logs in
 # stocks as their files said none came under 0.48 of it, of two in stocks 1 mm too thick both to 0.14
 # (benchmarks/stock_jobs.py).
@@ -23,15 +23,9 @@ LEAVES, LESS = 0.04, 0.4
 
 
 def by_top(cut: Cut, coefficients: Array) -> Array | None:
-    """What the mean forces of the targets (N, 3) change by for each metre that the top of the stock is higher [N/m]; None where
-    `cut_of` was not asked for a tool aside. Coefficients (6,)."""
-    if cut.engagement.moved is None or not cut.blank.position_std:
-        return None
-    tip = np.minimum(cut.track.start[:, 2], cut.track.end[:, 2])
-    reaches = tip + cut.engagement.depth >= cut.blank.bounds[1, 2] - AT_THE_TOP
-    # As with the tool so much deeper.
-    deeper = -cut.change(coefficients)[:, :, 2] / cut.blank.position_std
-    return cut.mean(np.where(reaches[:, None], deeper, 0.0))
+    """`Cut.by_top`; None where `cut_of` was not asked for a tool aside."""
+    step = cut.blank.position_std
+    return cut.by_top(coefficients, step) if step and cut.engagement.moved is not None else None
 
 
 def too_large(top: Array | None, used: NDArray[np.bool_], found: ForcePosterior) -> float | None:

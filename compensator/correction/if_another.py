@@ -50,17 +50,17 @@ def if_another(loaded: LoadedPath, deviation: Array) -> IfAnother | None:
     if cut is None or forces.follows is None or not len(targets):
         return None
     follows, moved = forces.follows[targets], np.empty((len(targets), 3, 3))
-    worn = np.empty((len(targets), 3))
+    worn, higher = np.empty((2, len(targets), 3))
     for tool, places in loaded.each_tool():
         compliance = position_compliance(loaded.model.robot, loaded.planned_theta[places], tool, loaded.model.compliance)
         moved[places] = compliance @ follows[places]
         worn[places] = WORN * np.einsum("nij,nj->ni", compliance, cut.of_edges[targets[places]])
-    # By where the stock stands along x, y (the worse of the two) and z of the work object.
-    axes = loaded.path.base_from_object.rotation[targets]
+        higher[places] = ASIDE * np.einsum("nij,nj->ni", compliance, cut.of_top[targets[places]])
+    # By where the stock stands along x and y of the work object; the worse of the two.
+    axes = loaded.path.base_from_object.rotation[targets][:, :, :2]
     along = 1e6 * ASIDE * np.linalg.norm(moved @ axes, axis=1)
     size, width = 1e6 * np.linalg.norm(deviation, axis=1), cut.width[targets]
     # One side of the cutter comes nearer to the material by half of what it is thicker, both sides where it is a slot.
     wider = THICKER * np.where(width > SLOT * cut.diameter, 1.0, 0.5)
-    sideways, across, higher = (rms(column) for column in along.T)
-    return IfAnother(cut, max(sideways, across), higher, rms(size * wider / np.maximum(width, wider)),
-                     LARGER * rms(size), 1e6 * rms(np.linalg.norm(worn, axis=1)))
+    return IfAnother(cut, max(rms(column) for column in along.T), 1e6 * rms(np.linalg.norm(higher, axis=1)),
+                     rms(size * wider / np.maximum(width, wider)), LARGER * rms(size), 1e6 * rms(np.linalg.norm(worn, axis=1)))

@@ -36,6 +36,8 @@ DEEPER = 1e-6
 CHIPS, SPEEDS = (4e-4, 0.025), (0.05, 75.0)
 # A move that goes through the stock at so many times the feed of the others is no cut.
 FAST = 1.9
+# Steps whose cut ends so near to the top of the stock reach it [m].
+AT_THE_TOP = 0.1e-3
 # A tool is lifted where so much of its way is upwards.
 LIFTED = 0.9
 
@@ -73,6 +75,13 @@ class Cut:
         here = np.einsum("sij,sj->si", engagement.weights, own)
         moved = np.stack([np.einsum("sij,sj->si", weights, own) - here for weights in engagement.moved], axis=2)
         return np.asarray(self._base_from_object @ moved)
+
+    def by_top(self, coefficients: Array, step: float) -> Array:
+        """What the mean forces of the targets (N, 3) change by for each metre that the top of the stock is higher [N/m], base
+        frame: as with the tool so much deeper where the cut reaches it. Coefficients (6,); step [m]: as `cut_of` was asked."""
+        tip = np.minimum(self.track.start[:, 2], self.track.end[:, 2])
+        reaches = tip + self.engagement.depth >= self.blank.bounds[1, 2] - AT_THE_TOP
+        return self.mean(np.where(reaches[:, None], -self.change(coefficients)[:, :, 2] / step, 0.0))
 
     @property
     def _chip(self) -> Array:

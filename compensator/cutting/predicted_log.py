@@ -70,7 +70,7 @@ def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path
         str(coefficients.source), force, nothing, False, "path_mm", place, np.arange(1, rows + 1),
         np.maximum(np.round(cut.track.length[own] / pieces[own] / A_SAMPLE), 1.0), None, None, None, force,
         np.zeros(rows, dtype=bool), findings,
-        predicted=PredictedForces(own, covariance, follows, _stated(cut, coefficients))), cut
+        predicted=PredictedForces(own, covariance, follows, _stated(cut, coefficients, step))), cut
 
 
 def _worn(cell: Cell, coefficients: Coefficients) -> float:
@@ -79,7 +79,7 @@ def _worn(cell: Cell, coefficients: Coefficients) -> float:
     return 0.0 if coefficients.chip is None else cell.cutting.wear_std
 
 
-def _stated(cut: Cut, coefficients: Coefficients) -> StockCut | None:
+def _stated(cut: Cut, coefficients: Coefficients, step: float) -> StockCut | None:
     """The cut as it is stated; None where there is none."""
     figures = cut.figures()
     if not figures["cutting_targets"]:
@@ -87,7 +87,7 @@ def _stated(cut: Cut, coefficients: Coefficients) -> StockCut | None:
     material = (cut.path.cell.cutting.material or coefficients.material or "a material that is not stated").replace("_", " ")
     return StockCut(f"{cut.cutter.words()}, in {material}, on average {figures['depth_mm']:.2f} mm deep along the axis and "
                     f"{figures['width_mm']:.2f} mm wide across the feed", cut.mean(cut.engagement.width), 2 * cut.cutter.radius,
-                    cut.per_target[:, :, EDGE] @ coefficients.mean[EDGE])
+                    cut.per_target[:, :, EDGE] @ coefficients.mean[EDGE], cut.by_top(coefficients.mean, step))
 
 
 def _outside(cut: Cut, coefficients: Coefficients) -> list[Finding]:

@@ -15,12 +15,14 @@ Indices = NDArray[np.intp]
 @dataclass(frozen=True, eq=False)
 class StockCut:
     """The cut that predicted forces are of, as it is stated: in words, its width (N,) across the feed at the targets and the
-    cutter's diameter [m], and what the edges need of the force (N, 3) [N] there, whatever the chip, base frame."""
+    cutter's diameter [m], what the edges need of the force (N, 3) [N] there, whatever the chip, and what the force changes by
+    for each metre that the top of the stock is higher (N, 3) [N/m], base frame."""
 
     words: str
     width: Array
     diameter: float
     of_edges: Array
+    of_top: Array
 
 
 @dataclass(frozen=True, eq=False)
