@@ -25,11 +25,12 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -38,7 +39,8 @@ from identification.common.findings import CompstiffError
 from identification.fit.fit import fit_stiffness
 from identification.measurements import Measurements
 from identification.model.cell import Cell, read_cell
-from identification.model.compliance import compliance_matrix, equilibrium
+from identification.model.compliance import compliance_matrix, equilibrium, joint_torque, loaded_angles
+from identification.model.kinematics import forward
 from tests.support import random_poses
 
 LEVELS = (0.5, 0.8, 0.95)
@@ -51,22 +53,60 @@ STATED = {"white": "force_relative_std: 0, pose_offset_std_um: [0, 0, 0]", "stat
 TASK_POSE = np.radians([[5.0, 10, 30, 20, 55, 10]])
 TASK_WRENCH = np.array([[80.0, 200, -120, 0, 0, 0]])
 TASK_DRAWS = 100
-# As sag.py has it: torques of the arm's own weight, 1 sigma.
-WEIGHT_NM = 4000.0
+# As sag.py has it: torques of the arm's own weight at joints 2 and 3 and of what its flange carries, 1 sigma.
+WEIGHT_NM, FLANGE_NM = 4000.0, 250.0
+
+
+@dataclass(frozen=True)
+class Weight:
+    """Torques [N m]: constant at joints 2 and 3 (2,), at joint 2 with the sine and cosine of its angle (2,), and what those two
+    change as a spring (2,). First moments [N m] of forearm and flange, in their frames (3,)."""
+
+    constant: np.ndarray
+    wave: np.ndarray
+    spring: np.ndarray
+    forearm: np.ndarray
+    flange: np.ndarray
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> Weight:
+        constant, wave, spring, forearm = WEIGHT_NM * rng.standard_normal((4, 2))
+        return cls(constant, wave, spring, np.append(forearm, 0.0), FLANGE_NM * rng.standard_normal(3))
+
+    def torque(self, cell: Cell, theta: np.ndarray, commanded: np.ndarray) -> np.ndarray:
+        """Torques at the springs (n, 6) at controller angles (n, 6): how the moments' heights fall as the springs turn."""
+        robot = cell.robot
+
+        def height(turns: np.ndarray) -> np.ndarray:
+            """Potential energy (n,) [J] at the springs' further turns (6,)."""
+            serial = robot.serial_angles(theta + robot.uncoupling @ robot.load_matrix @ turns)
+            turned = Rotation.identity(len(theta))
+            energy = np.zeros(len(theta))
+            for joint in range(6):
+                turned = turned * Rotation.from_rotvec([robot.alpha[joint], 0, 0]) * Rotation.from_rotvec(
+                    serial[:, joint, None] * [0, 0, 1])
+                moment = {2: self.forearm, 5: self.flange}.get(joint)
+                energy += 0.0 if moment is None else turned.apply(moment)[:, 2]
+            return energy
+
+        step = 1e-4
+        torque = np.stack([(height(-step * axis) - height(step * axis)) / (2 * step) for axis in np.eye(6)], axis=1)
+        torque[:, 1:3] += self.constant
+        torque[:, 1] += np.stack([np.sin(commanded[:, 1]), np.cos(commanded[:, 1])], axis=1) @ self.wave
+        return torque
 
 
 @dataclass(frozen=True)
 class Sizes:
     """True noise: sensor [m] and force error (relative), Student with `degrees` for a component or, `by_row`, for a whole row,
-    as the method takes it; re-seating [m]. weight (2, 5): what the arm's own weight does at joints 2 and 3, in units of
-    WEIGHT_NM: its torque, constant and with the sine and cosine of the joint's angle, and the spring of the latter two."""
+    as the method takes it; re-seating [m]. weight: what the arm's own weight does."""
 
     sensor: float = 2e-6
     force: float = 0.0
     offset: float = 0.0
     degrees: float = np.inf
     by_row: bool = False
-    weight: np.ndarray = field(default_factory=lambda: np.zeros((2, 5)))
+    weight: Weight | None = None
 
 
 def write_cells(folder: Path) -> None:
@@ -95,23 +135,30 @@ def draw_sizes(noise: str, rng: np.random.Generator) -> Sizes:
     tried = np.array([3.0, 4, 6, 10, 20, 50, 100])
     degrees = float(rng.choice(tried, p=tried / tried.sum()))
     degrees = np.inf if degrees == 100 else degrees
-    sensor, weight = 2e-6 * about_stated(), rng.standard_normal((2, 5))
+    sensor, weight = 2e-6 * about_stated(), Weight.drawn(rng)
     if noise == "drawn":
         return Sizes(sensor, 0.01 * about_stated(), 5e-6 * about_stated(), degrees, True, weight)
     return Sizes(sensor, 0.01 * rng.standard_exponential(), 6e-6 * rng.standard_exponential(), degrees, True, weight)
 
 
-def deflected(cell: Cell, theta: np.ndarray, wrench: np.ndarray, compliance: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Deflection (n, 3) [m] of an arm that hangs by this weight before it is loaded, each row at its own angles."""
-    if not weight.any():
+def deflected(
+    cell: Cell, theta: np.ndarray, wrench: np.ndarray, compliance: np.ndarray, weight: Weight | None,
+) -> np.ndarray:
+    """Deflection (n, 3) [m] of an arm that hangs by this weight before it is loaded, and under the load."""
+    if weight is None:
         return equilibrium(cell.robot, theta, cell.flange_from_tcp, wrench, compliance).position
-    hung, springs = theta.copy(), np.tile(compliance, (len(theta), 1))
-    for joint, (constant, of_sine, of_cosine, spring_of_sine, spring_of_cosine) in zip((1, 2), WEIGHT_NM * weight, strict=True):
-        sine, cosine = np.sin(theta[:, joint]), np.cos(theta[:, joint])
-        hung[:, joint] += compliance[joint] * (constant + of_sine * sine + of_cosine * cosine)
-        springs[:, joint] *= 1.0 + compliance[joint] * (spring_of_sine * sine + spring_of_cosine * cosine)
-    return np.concatenate([equilibrium(cell.robot, q[None], cell.flange_from_tcp, load[None], soft).position
-                           for q, load, soft in zip(hung, wrench, springs, strict=True)])
+    soft = np.tile(compliance, (len(theta), 1))
+    soft[:, 1] *= 1.0 + compliance[1] * (np.sin(theta[:, 1]) * weight.spring[0] + np.cos(theta[:, 1]) * weight.spring[1])
+
+    def tcp(load: np.ndarray) -> np.ndarray:
+        stood = theta
+        for _ in range(8):
+            turns = compliance * weight.torque(cell, stood, theta) + soft * joint_torque(
+                cell.robot, stood, cell.flange_from_tcp, load)
+            stood = loaded_angles(cell.robot, theta, turns)
+        return forward(cell.robot, stood, cell.flange_from_tcp).position
+
+    return tcp(wrench) - tcp(np.zeros_like(wrench))
 
 
 def simulate(cell: Cell, design: str, size: Sizes, truth: np.ndarray, rng: np.random.Generator) -> Measurements:

@@ -163,7 +163,7 @@ class LoadState:
         own axis; on the last joint, whose axis that is, on the way to the TCP, 1 N m as far out as the TCP is."""
         axis, beside = self.flange[:, :, 2], self.tcp - self.origins[:, 5]
         out = beside / np.maximum(np.linalg.norm(beside, axis=1, keepdims=True), 1e-9)
-        return self._hung(np.stack([*[axis] * 5, out], axis=1))
+        return self.hung(np.stack([*[axis] * 5, out], axis=1))
 
     @cached_property
     def hung_on_forearm(self) -> Array:
@@ -171,9 +171,9 @@ class LoadState:
         arm is long."""
         elbow, wrist = self.origins[:, 2], self.origins[:, 4]
         lower_arm = np.linalg.norm(self.origins[:1, 2] - self.origins[:1, 1])
-        return self._hung(((elbow + FOREARM * (wrist - elbow))[:, None] - self.origins) / lower_arm)
+        return self.hung(((elbow + FOREARM * (wrist - elbow))[:, None] - self.origins) / lower_arm)
 
-    def _hung(self, lever: Array) -> Array:
+    def hung(self, lever: Array) -> Array:
         """Torques at the springs (n, 6) of 1 N that hangs at these levers (n, 6, 3) [m] from the axes."""
         down = self.fall / np.linalg.norm(self.fall)
         return np.asarray(np.sum(self.axes * np.cross(lever, down), axis=2) @ self.robot.load_matrix)

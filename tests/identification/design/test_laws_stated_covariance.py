@@ -31,12 +31,12 @@ def in_cell(task: Task, **other: Any) -> Task:
 
 @pytest.mark.parametrize("gain", [0.0, 0.02])
 def test_it_is_that_of_springs_and_weight_and_scale_together(task, pool, cell, prior, gain):
-    """The whole covariance of all rows, the ten columns of the weight and the scale of all forces among the unknowns, without
-    the design's formulas."""
+    """The whole covariance of all rows, the columns of the weight and the scale of all forces among the unknowns, without the
+    design's formulas."""
     runs = pool.take(np.arange(60))
     noise, compliance = cell.noise, 1 / cell.prior.stiffness
-    information = np.zeros((17, 17))
-    information[:6, :6], information[6:, 6:] = prior, np.eye(11)
+    information = np.zeros((18, 18))
+    information[:6, :6], information[6:, 6:] = prior, np.eye(12)
     for q, slot in zip(runs.theta, runs.slot, strict=True):
         force = task.domain.slots[slot].along(np.array([1.0, 0.0, 0.0]))
         count = len(force)
@@ -51,7 +51,7 @@ def test_it_is_that_of_springs_and_weight_and_scale_together(task, pool, cell, p
             block = slice(3 * k, 3 * k + 3)
             covariance[block, block] += np.diag(noise.deflection**2) + carried @ loaded @ carried.T
         scale = gain * springs.sum(axis=2, keepdims=True)
-        columns = np.concatenate([springs, weight, scale], axis=2).reshape(3 * count, 17)
+        columns = np.concatenate([springs, weight, scale], axis=2).reshape(3 * count, 18)
         information += columns.T @ np.linalg.solve(covariance, columns)
     expected = np.sqrt(np.diag(np.linalg.inv(information))[:6])
     without = np.sqrt(np.diag(np.linalg.inv(information[:6, :6])))

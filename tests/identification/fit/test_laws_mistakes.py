@@ -366,10 +366,10 @@ def test_a_size_costs_what_its_readings_tell_it(data: LoadTest) -> None:
 
 
 def test_what_the_arm_s_unknown_weight_does_is_no_evidence(data: LoadTest) -> None:
-    """It is integrated out: the rows are as likely as a normal distribution with the weight's ten columns in its covariance
+    """It is integrated out: the rows are as likely as a normal distribution with the weight's columns in its covariance
     makes them."""
     fitted = posterior(data)
-    at, columns = fitted.at_map, fitted.beside.reshape(-1, 10)
+    at, columns = fitted.at_map, fitted.beside.reshape(-1, 11)
     design, residual = at.design.reshape(len(columns), -1), at.residual.ravel()
     precision = at.prior.precision(at.x)
     sigma = np.linalg.inv(fitted.weights.apply(np.eye(len(columns)).reshape(*at.residual.shape, -1)).reshape(len(columns), -1))
