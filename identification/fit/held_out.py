@@ -14,7 +14,6 @@ from identification.fit.load_test import LoadTest
 from identification.fit.noise import Weights, noise_model
 from identification.fit.noise_parts import OPTIONAL
 from identification.fit.posterior import Posterior, posterior
-from identification.fit.student import log_tails
 from identification.measurements import Measurements
 
 Array = NDArray[np.float64]
@@ -85,7 +84,7 @@ def left_out_with_density(model: Posterior, groups: NDArray[np.intp]) -> tuple[A
     same rows have in common: their noise, what its heavy tails cost and what is left open of the parameters are in it."""
     residual, fits = _left_out(model, groups)
     at, known = model.at_map, model.information + model.prior.precision(model.map)
-    total = log_tails(at.noise, model.components, model.weights, at.residual)
+    total = model.log_tails
     for group in range(groups.max() + 1):
         mine = groups == group
         if group in fits:

@@ -258,10 +258,16 @@ class Weights:
         further = np.concatenate([*known, self.model.whitened(moved)], axis=2)
         return replace(self.model, further=further).beside(self.own, self.components)
 
-    def shared(self, residual: Array) -> Array:
-        """Best estimate (n, 3) of what the rows of a visit share, in the model's coordinates, from a residual (n, 3)."""
-        common = self.shared_inverse @ self._by_visit(residual[:, :, None])
-        return np.asarray(self.loading @ common[self.model.visit])[:, :, 0]
+    def shared(self, columns: Array) -> Array:
+        """Best estimate (n, 3, q) of what the rows of a visit share, of each of the columns (n, 3, q), in the model's
+        coordinates."""
+        common = self.shared_inverse @ self._by_visit(columns)
+        return np.asarray(self.loading @ common[self.model.visit])
+
+    @property
+    def shared_covariance(self) -> Array:
+        """What that leaves open (n, 3, 3)."""
+        return np.asarray(self.loading @ self.shared_inverse[self.model.visit] @ np.swapaxes(self.loading, 1, 2))
 
     def offsets(self, residual: Array) -> Array:
         """Best estimate of each visit's re-seating offset (visits, 3) [m] from a residual (n, 3)."""

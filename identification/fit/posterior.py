@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from identification.common.arrays import read_only
 from identification.common.findings import error
 from identification.fit.fitted_model import Term, predicted_deflection, response, with_terms
+from identification.fit.heavy_tails import OwnErrors, log_tails, student_weights
 from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
 from identification.fit.marginal import Draws, posterior_draws, shrunk
@@ -36,7 +37,6 @@ from identification.fit.noise_parts import SetUp, VarianceComponents
 from identification.fit.optional_parts import Way, asked_for, averaged_trials
 from identification.fit.priors import PriorModel
 from identification.fit.sag import BesideWeight, sag_columns
-from identification.fit.student import student_weights
 from identification.fit.variance_components import ComponentPosterior, Trials, likeliest, log_covariance
 from identification.model.compliance import regressor
 from identification.model.effects_in_force import EFFECTS, SPRINGS, split
@@ -118,6 +118,14 @@ class Posterior:
     def components_covariance(self) -> Array:
         """Covariance (6, 6) of ln of the variance components."""
         return _read_only(log_covariance(ComponentPosterior(self.at_map), self.components))
+
+    @cached_property
+    def log_tails(self) -> float:
+        """What the heavy tails of the noise add to ln p of the rows as they are weighed."""
+        if np.isinf(self.components.degrees):
+            return 0.0
+        errors = OwnErrors.of(self.at_map, self.components, self.weights)
+        return log_tails(errors, self.at_map.row_weight, self.components.degrees)
 
     @cached_property
     def chi2(self) -> float:
@@ -228,7 +236,7 @@ def posterior(
             noise = noise.with_parts(*further.parts, set_up=further.set_up)
             at = replace(at, noise=noise)
             components = likeliest(ComponentPosterior(at), components) if further.parts else components
-        row_weight, degrees = student_weights(noise, components, at.weights(components), at.residual)
+        row_weight, degrees = student_weights(OwnErrors.of(at, components, at.weights(components)))
         components = replace(components, degrees=degrees)
         weights = noise.weights(components, row_weight)
         at = _maximise(model, replace(at, row_weight=row_weight), weights, ON_THE_WAY)

@@ -1,4 +1,4 @@
-"""The heavy tails of the measurement noise: degrees of freedom of a Student likelihood, and what each row weighs in it."""
+"""Student distributions: how rare it is to be as far off as a row is, in the tails that the other rows leave open."""
 
 from __future__ import annotations
 
@@ -23,42 +23,8 @@ def distances(
 ) -> tuple[Array, NDArray[np.int_]]:
     """Squared distance (n,) of each row's residual (n, 3), what its visit shares taken out, in its own noise, and the count of
     its components."""
-    own = np.where(model.measured, residual - weights.shared(residual), 0.0)
+    own = np.where(model.measured, residual - weights.shared(residual[:, :, None])[:, :, 0], 0.0)
     return np.einsum("ni,nij,nj->n", own, model.of_rows_alone(components), own), model.measured.sum(axis=1)
-
-
-def student_weights(
-    model: NoiseModel, components: VarianceComponents, weights: Weights, residual: Array
-) -> tuple[Array, float]:
-    """Row weights (n,) and degrees of freedom of a Student likelihood for the residual (n, 3), offsets taken out.
-
-    The degrees of freedom are those of the largest likelihood, each doubling of heaviness costing one unit of ln
-    likelihood: without evidence of gross errors the weights are all 1.
-    """
-    distance, count = distances(model, components, weights, residual)
-    degrees, _ = tails(distance, count)
-    if np.isinf(degrees):
-        return np.ones(len(distance)), degrees
-    return (degrees + count) / (degrees + distance), degrees
-
-
-def log_tails(model: NoiseModel, components: VarianceComponents, weights: Weights, residual: Array) -> float:
-    """ln of how much likelier a residual (n, 3) is under the Student distribution than under the normal one of its row weights,
-    which each row has chosen for itself: what the heavy tails of a fit cost it, their doublings with it."""
-    degrees = components.degrees
-    if np.isinf(degrees):
-        return 0.0
-    distance, count = distances(model, components, weights, residual)
-    weight = (degrees + count) / (degrees + distance)
-    as_weighed = 0.5 * count * np.log(weight / (2 * np.pi)) - 0.5 * weight * distance
-    return float(np.sum(_student_log_density(distance, count, degrees) - as_weighed) - DOUBLINGS[DEGREES.index(degrees)])
-
-
-def tails(distance: Array, count: NDArray[np.int_]) -> tuple[float, float]:
-    """Degrees of freedom and scale of the Student distribution that squared distances (n,) of `count` components follow."""
-    value, scale = _tried(distance, count)
-    best = int(np.argmax(value - DOUBLINGS))
-    return DEGREES[best], float(scale[best])
 
 
 def probability_beyond(squared: float, components: int, distance: Array, count: NDArray[np.int_]) -> float:

@@ -8,7 +8,6 @@ import numpy as np
 
 from identification.fit.noise_parts import USUAL_SETUP, VarianceComponents
 from identification.fit.posterior import Posterior
-from identification.fit.student import log_tails
 from identification.fit.variance_components import ComponentPosterior
 
 # Components of the noise up to so many times the stated ones where noise may have taken up what a mistake does.
@@ -33,7 +32,7 @@ def _beside_noise(fitted: Posterior) -> float:
     """What the prior and the heavy tails add to ln p(rows)."""
     at = fitted.at_map
     prior = 0.5 * float(np.linalg.slogdet(at.prior.precision(at.x))[1]) - at.prior.value(at.x)
-    return prior + log_tails(at.noise, fitted.components, fitted.weights, at.residual)
+    return prior + fitted.log_tails
 
 
 def ordinary(fitted: Posterior) -> VarianceComponents:

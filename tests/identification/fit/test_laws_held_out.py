@@ -15,7 +15,6 @@ from identification.fit.load_test import LoadTest
 from identification.fit.noise import noise_model
 from identification.fit.noise_parts import OPTIONAL
 from identification.fit.posterior import Posterior, posterior
-from identification.fit.student import log_tails
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.compliance import equilibrium
@@ -78,8 +77,7 @@ def test_how_likely_a_pose_is_is_a_normal_density_about_what_the_others_predict(
     fresh = groups == 4
     model = posterior(whole)
     each = [density(model, whole, left_out(model, groups), groups == group) for group in range(5)]
-    tails = log_tails(model.at_map.noise, model.components, model.weights, model.at_map.residual)
-    assert left_out_with_density(model, groups)[1] == pytest.approx(sum(each) + tails, abs=1e-3)
+    assert left_out_with_density(model, groups)[1] == pytest.approx(sum(each) + model.log_tails, abs=1e-3)
     model = posterior(whole.with_rows(rows.select(~fresh)))
     data = whole.with_rows(rows.select(fresh))
     expected = density(model, data, model.residual_of(data), np.ones(len(data.rows), dtype=bool))

@@ -1,18 +1,14 @@
-"""Heavy tails: degrees of freedom and scale against SciPy's multivariate Student, and what each row weighs."""
+"""Student distributions: how far off a row is, against SciPy's."""
 
 from __future__ import annotations
-
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal, multivariate_t
 
-from identification.fit.noise_parts import VarianceComponents
 from identification.fit.own_response import own_response
-from identification.fit.student import DEGREES, log_tails, probability_beyond, tails
+from identification.fit.student import DEGREES, probability_beyond
 
 THREE = np.eye(3)
 
@@ -27,43 +23,6 @@ def log_likelihood(readings: np.ndarray, degrees: float, scale: float) -> float:
     if np.isinf(degrees):
         return float(multivariate_normal(np.zeros(3), scale * THREE).logpdf(readings).sum())
     return float(multivariate_t(np.zeros(3), scale * THREE, df=degrees).logpdf(readings).sum())
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_the_degrees_and_the_scale_are_the_likeliest(seed: int) -> None:
-    """Every number of degrees with its own best scale, searched here; each doubling of heaviness from 100 on costs one unit."""
-    rng = np.random.default_rng(7000 + seed)
-    readings = drawn(rng, int(rng.integers(20, 120)), rng.choice([3.0, 5.0, 15.0, np.inf]), rng.uniform(0.3, 4.0))
-    tried = {}
-    for degrees in DEGREES:
-        best = minimize_scalar(lambda log, nu=degrees: -log_likelihood(readings, nu, float(np.exp(log))), bounds=(-4, 4),
-                               method="bounded", options={"xatol": 1e-6})
-        tried[-best.fun - np.log2(100 / min(degrees, 100))] = degrees, float(np.exp(best.x))
-    values = sorted(tried)
-    assert values[-1] - values[-2] > 1e-4, "no clear answer: another seed"
-    degrees, scale = tails(np.sum(readings**2, axis=1), np.full(len(readings), 3))
-    assert degrees == tried[values[-1]][0]
-    assert scale == pytest.approx(tried[values[-1]][1], rel=1e-3)
-
-
-@pytest.mark.parametrize("degrees", DEGREES)
-def test_many_rows_tell_the_truth(degrees: float) -> None:
-    """Of the grid, the number of degrees that the rows were drawn with; 20 and 50 may be told apart from the normal only by
-    more rows than these."""
-    readings = drawn(np.random.default_rng(71), 6000, degrees, 2.5)
-    found, scale = tails(np.sum(readings**2, axis=1), np.full(len(readings), 3))
-    near = {20.0: (10.0, 20.0, 50.0), 50.0: (20.0, 50.0, np.inf)}.get(degrees, (degrees,))
-    assert found in near
-    assert scale == pytest.approx(2.5, rel=0.06)
-
-
-def test_a_reading_of_one_component_counts_as_one() -> None:
-    """Rows of which one component was measured have the likelihood of one component."""
-    rng = np.random.default_rng(72)
-    readings = drawn(rng, 4000, 4.0, 1.7)[:, :1]
-    found, scale = tails(np.sum(readings**2, axis=1), np.ones(len(readings), dtype=int))
-    assert found == 4.0
-    assert scale == pytest.approx(1.7, rel=0.08)
 
 
 def worst(readings: np.ndarray) -> float:
@@ -103,23 +62,6 @@ def test_a_wrong_digit_is_bad(rows: int) -> None:
     readings = drawn(np.random.default_rng(76), rows, np.inf)
     readings[5, 1] += 40.0 if rows < 100 else 12.0
     assert worst(readings) < 1e-4
-
-
-@pytest.mark.parametrize("degrees", DEGREES)
-def test_heavy_tails_cost_the_evidence_what_they_cost(degrees: float) -> None:
-    """Of a normal likelihood in which each row has the weight that it takes in the fit, what makes it the Student's, each
-    doubling of heaviness from 100 on one unit less: two fits with unlike tails are weighed by their likelihoods."""
-    readings = drawn(np.random.default_rng(73), 40, 6.0)
-    readings[0] *= 20
-    squared = np.sum(readings**2, axis=1)
-    noise = SimpleNamespace(measured=np.ones((40, 3), dtype=bool), of_rows_alone=lambda _: np.tile(THREE, (40, 1, 1)))
-    nothing_shared = SimpleNamespace(shared=np.zeros_like)
-    weight = np.ones(40) if np.isinf(degrees) else (degrees + 3) / (degrees + squared)
-    as_weighed = sum(multivariate_normal(np.zeros(3), THREE / w).logpdf(reading)
-                     for w, reading in zip(weight, readings, strict=True))
-    cost: Any = log_tails
-    assert as_weighed + cost(noise, VarianceComponents(degrees=degrees), nothing_shared, readings) == pytest.approx(
-        log_likelihood(readings, degrees, 1.0) - np.log2(100 / min(degrees, 100)))
 
 
 def test_a_visit_s_own_response_weighs_its_rows_by_four_degrees() -> None:
