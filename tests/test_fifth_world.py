@@ -14,6 +14,10 @@ from benchmarks.fifth_causes import CAUSES, beam, play, side, times
 from benchmarks.fifth_judge import RIGHT, judged
 from benchmarks.fifth_trial import ARMS, INSTRUMENTS, deflections, sheet_of, table_of, trial, visible
 from benchmarks.fifth_world import NOTHING, case, deck, written
+from identification.diagnosis.detect import goodness_of_fit
+from identification.fit.load_test import LoadTest
+from identification.fit.posterior import posterior
+from identification.model.effects import effects
 
 TOOL = np.array([0.12, 0.02, 0.25])
 POSES = {"ABB": [20, 15, 10, 40, 50, -60], "KUKA": [20, -80, 95, 30, 40, -50], "FANUC": [20, 10, -15, 30, 40, -50]}
@@ -111,6 +115,16 @@ def test_what_had_been_noise_or_another_gear_is_named(
     assert found.verdict == verdict
     named = [cause.label for cause in found.judgement.causes] or [mistake.key for mistake in found.judgement.mistakes]
     assert named == [name]
+
+
+def test_a_heavy_arm_that_gives_way_by_millimetres_is_no_cause(tmp_path: Path) -> None:
+    """Nothing is hidden (10500, 34): a forearm that bends had been named, for want of the weight of forearm and wrist."""
+    rng = np.random.default_rng([10500, 34])
+    one, hidden, *_ = case(NOTHING, rng)
+    written(one, table_of(one, hidden, rng), sheet_of(one, rng), {}, tmp_path / "case")
+    cell = compstiff.read_cell(tmp_path / "case" / "cell.yaml")
+    fitted = posterior(LoadTest.of(cell, compstiff.read_measurements(tmp_path / "case" / "measurements.csv", cell)))
+    assert goodness_of_fit(fitted, effects(), np.random.default_rng(0), 99).p_value > 0.1
 
 
 # Long: a pose with a wrong angle is named in tests/identification/fit/test_laws_visits.py, and by its odds in
