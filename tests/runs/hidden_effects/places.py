@@ -63,7 +63,8 @@ NEVER_SEEN = (place("force_gain", None, 1, "deflection_sensor_gain", factor=2.0)
 IN_MOTION = ("channel_delay", "joint_friction", "motor_inertia", "gear_damping", "encoder_slip", "lost_samples",
              "torque_crosstalk")
 # What a wider law can do as well, with more numbers than it takes: the narrow one is likelier by far, and is named.
-WIDER = {"base_shift": ("stand_compliance",), "side_load": ("force_crosstalk",)}
+WIDER = {"base_shift": ("stand_compliance",), "side_load": ("force_crosstalk",), "force_misalignment": ("force_crosstalk",),
+         "deflection_sensor_rotation": ("deflection_sensor_crosstalk",)}
 ALL = (*GEARS, *STRUCTURE, *MEASUREMENT, *NEVER_SEEN)
 # Of each effect for a confounder the first place at a joint where it has none of its own: at its own it is named right, and so
 # taken for nothing else. benchmarks/confounders.py goes through all.
