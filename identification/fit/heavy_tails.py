@@ -88,13 +88,13 @@ class OwnErrors:
         return np.asarray(np.maximum(1.0, np.sum(self.squared / (1.0 + self.left_open), axis=1) / FARTHEST))
 
 
-def student_weights(errors: OwnErrors) -> tuple[Array, float]:
-    """Row weights (n,) and degrees of freedom of a Student likelihood of the rows' own errors.
+def student_weights(errors: OwnErrors, among: tuple[float, ...] = DEGREES) -> tuple[Array, float]:
+    """Row weights (n,) and degrees of freedom, `among` these, of a Student likelihood of the rows' own errors.
 
     The degrees of freedom are those of the largest likelihood, each doubling of heaviness costing one unit of ln
     likelihood: without evidence of gross errors the weights are all 1.
     """
-    best, _ = likeliest_tails(errors)
+    best = among[0] if len(among) == 1 else likeliest_tails(errors)[0]
     if np.isinf(best):
         return np.ones(len(errors.count)), best
     joint = errors.log_likelihood(np.exp(LOG_W)[None]) + _log_weights(best, LOG_W)

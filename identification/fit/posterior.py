@@ -37,6 +37,7 @@ from identification.fit.noise_parts import SetUp, VarianceComponents
 from identification.fit.optional_parts import Way, asked_for, averaged_trials
 from identification.fit.priors import PriorModel
 from identification.fit.sag import BesideWeight, sag_columns
+from identification.fit.student import DEGREES
 from identification.fit.variance_components import ComponentPosterior, Trials, likeliest, log_covariance
 from identification.model.compliance import regressor
 from identification.model.effects_in_force import EFFECTS, SPRINGS, split
@@ -236,7 +237,9 @@ def posterior(
             noise = noise.with_parts(*further.parts, set_up=further.set_up)
             at = replace(at, noise=noise)
             components = likeliest(ComponentPosterior(at), components) if further.parts else components
-        row_weight, degrees = student_weights(OwnErrors.of(at, components, at.weights(components)))
+        # A gross error hides behind the noise that it makes until it weighs little: heavy tails are tried first.
+        errors = OwnErrors.of(at, components, at.weights(components))
+        row_weight, degrees = student_weights(errors, DEGREES if number else DEGREES[:1])
         components = replace(components, degrees=degrees)
         weights = noise.weights(components, row_weight)
         at = _maximise(model, replace(at, row_weight=row_weight), weights, ON_THE_WAY)
