@@ -43,11 +43,12 @@ def text_column(texts: Sequence[str]) -> Any:
 
 
 def floats_of(column: Any) -> Array | None:
-    """The numbers (N,) of an Arrow array or table column of floats without nulls; None of any other."""
+    """The numbers (N,) of an Arrow array or table column of numbers without nulls, as floats; None of any other."""
     import pyarrow as pa
 
-    if column.type != pa.float64() or column.null_count:
+    if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)) or column.null_count:
         return None
+    kind = np.dtype(column.type.to_pandas_dtype())
     parts = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
-    numbers = [np.frombuffer(part.buffers()[1], np.float64, len(part), 8 * part.offset) for part in parts if len(part)]
-    return numbers[0] if len(numbers) == 1 else np.concatenate([np.empty(0), *numbers])
+    numbers = [np.frombuffer(part.buffers()[1], kind, len(part), kind.itemsize * part.offset) for part in parts if len(part)]
+    return np.asarray(numbers[0] if len(numbers) == 1 else np.concatenate([np.empty(0), *numbers]), dtype=float)

@@ -9,8 +9,8 @@ import difflib
 import io
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -27,8 +27,13 @@ from identification.common.workbook import SAVE_AS, is_workbook, sheet_finding, 
 if TYPE_CHECKING:
     import pandas as pd  # where it is needed: it takes longer to import than many a log to read
 
+Numbers = dict[str, Array]
+Texts = dict[str, NDArray[np.object_]]
+
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _WITH_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
+_WHOLE = re.compile(r"0|-?[1-9]\d{0,17}")
+_NUMBERS_IN_WORDS = ("true", "false", "nan", "inf", "infinity")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")           # 1,234 may be either
 # What people write in place of a number, and what to do about it.
 _SLIPS = (
@@ -55,8 +60,8 @@ class Table:
     findings: columns that were not read."""
 
     source: str
-    numbers: dict[str, Array]
-    texts: dict[str, NDArray[np.object_]]
+    numbers: Numbers
+    texts: Texts
     line: NDArray[np.intp]
     columns: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
@@ -87,34 +92,74 @@ def read_table(
     where a number must be, CS0207 a cell of a workbook that is neither number nor text.
     """
     file = Path(file)
-    frame, line, header_line = _parquet(file) if file.suffix.lower() in (".parquet", ".pq") else _csv(file)
+    cells = _parquet(file) if file.suffix.lower() in (".parquet", ".pq") else _csv(file)
     of_sheet = sheet_finding(file)
     try:
-        table = _table(frame, line, header_line, str(file), required, optional, texts, may_be_empty, together, instead)
+        table = _table(cells, str(file), required, optional, texts, may_be_empty, together, instead)
     except CompstiffError as stopped:
         raise type(stopped)(*stopped.findings, *of_sheet) from stopped
     return replace(table, findings=(*of_sheet, *table.findings))
 
 
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """What stands in a file: names of the columns, line (N,) of each row and of the header, all cells as a frame, and body: the
+    rows as text where no cell is in quotes, separated by `separator`."""
+
+    names: list[str]
+    line: NDArray[np.intp]
+    header_line: int
+    frame: Callable[[], pd.DataFrame]
+    body: list[str] = field(default_factory=list)
+    separator: str = ","
+
+    def plain(self, wanted: Sequence[str], texts: Sequence[str]) -> tuple[Numbers, Texts] | None:
+        """The wanted columns of numbers, and those of text, without pandas, which takes longer to import than most tables to
+        read; None where a cell is no number as a cell may have it, or a text that pandas may read as one."""
+        if not self.body:
+            return None
+        try:
+            found = np.loadtxt(self.body, delimiter=self.separator, comments=None, ndmin=2,
+                               usecols=[self.names.index(name) for name in wanted]) if wanted else np.empty((0, 0))
+        except ValueError:
+            return None
+        rows = [row.split(self.separator) for row in self.body] if texts else []
+        labels = {name: np.array([row[self.names.index(name)].strip() for row in rows], dtype=object) for name in texts}
+        if not np.all(np.abs(found) <= LARGEST_CELL) or not all(map(_stays_text, labels.values())):
+            return None
+        return {name: np.ascontiguousarray(found[:, k]) for k, name in enumerate(wanted)}, labels
+
+
+def _stays_text(cells: NDArray[np.object_]) -> bool:
+    """Whether these are the same when they are taken for numbers where all of them are: words, whole numbers, or nothing."""
+    return (any(cell[:1].isalpha() and cell.lower() not in _NUMBERS_IN_WORDS for cell in cells)
+            or all(map(_WHOLE.fullmatch, cells)) or not any(cells))
+
+
 def _table(
-    frame: pd.DataFrame, line: NDArray[np.intp], header_line: int, file: str, required: Sequence[str],
-    optional: Sequence[str], texts: Sequence[str], may_be_empty: Sequence[str], together: Sequence[Sequence[str]],
-    instead: Mapping[str, Sequence[str]] | None,
+    cells: _Cells, file: str, required: Sequence[str], optional: Sequence[str], texts: Sequence[str],
+    may_be_empty: Sequence[str], together: Sequence[Sequence[str]], instead: Mapping[str, Sequence[str]] | None,
 ) -> Table:
     """`read_table` of cells that were read."""
-    names = [str(name) for name in frame.columns]
+    names, line, header_line = cells.names, cells.line, cells.header_line
     for group in [group for name, group in (instead or {}).items() if name in names]:
         required, optional = [name for name in required if name not in group], [*optional, *group]
         may_be_empty, together = [*may_be_empty, *group], [*together, group]
     check_columns(names, required, together, file, header_line, optional=(*optional, *texts))
     wanted = [*required, *(name for name in optional if name in names)]
+    worded = [name for name in texts if name in names]
     clocked = tuple[Finding, ...]()
-    if TIME in wanted:
-        frame, clocked = with_seconds(frame, file, line)
-    numbers = as_numbers(frame[wanted], file, names, line, may_be_empty=may_be_empty)
-    # A column of which all cells are empty, or numbers, is one of numbers so far.
-    labels = {name: frame[name].astype(object).where(frame[name].notna(), "").astype(str).str.strip().to_numpy(dtype=object)
-              for name in texts if name in names}
+    plain = cells.plain(wanted, worded)
+    if plain is None:
+        frame = cells.frame()
+        if TIME in wanted:
+            frame, clocked = with_seconds(frame, file, line)
+        numbers = as_numbers(frame[wanted], file, names, line, may_be_empty=may_be_empty)
+        # A column of which all cells are empty, or numbers, is one of numbers so far.
+        labels = {name: frame[name].astype(object).where(frame[name].notna(), "").astype(str).str.strip().to_numpy(dtype=object)
+                  for name in worded}
+    else:
+        numbers, labels = plain
     known = (*required, *optional, *texts)
     other = unread([name for name in names if name not in known], [name for name in known if name not in names])
     notes = [Finding("CS0204", level, text, file=file, line=header_line) for level, text in other]
@@ -310,13 +355,13 @@ def decoded(content: bytes, name: str, offset: int = 0, encoding: str = "utf-8")
                     "'CSV UTF-8', or give the .xlsx itself") from reason
 
 
-def _parquet(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
+def _parquet(file: Path) -> _Cells:
     import pyarrow.parquet as pq
 
     with parquet_complaints(file):
         frame = pq.read_table(file, use_threads=False).replace_schema_metadata(None).to_pandas()
     # A Parquet file has no lines; rows are counted as if a header stood above them.
-    return frame, np.arange(2, len(frame) + 2), 1
+    return _Cells([str(name) for name in frame.columns], np.arange(2, len(frame) + 2), 1, lambda: frame)
 
 
 def _widths(body: list[str], separator: str, file: str | Path) -> NDArray[np.intp]:
@@ -329,10 +374,8 @@ def _widths(body: list[str], separator: str, file: str | Path) -> NDArray[np.int
         raise error("CS0201", f"is not a table: {reason}", file=str(file)) from reason
 
 
-def _csv(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
-    """Cells of a CSV file, comments and blank lines left out, the line each row stands on, and the header's."""
-    import pandas as pd
-
+def _csv(file: Path) -> _Cells:
+    """Cells of a CSV file, comments and blank lines left out."""
     try:
         with opened(file) as stream:
             text = decoded(stream.read(), str(file)).removeprefix("\ufeff")
@@ -365,16 +408,26 @@ def _csv(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
         raise error("CS0201", f"{widths[row]} cells where the header names {len(names)} columns", file=str(file),
                     line=kept[1:][row] + 1, hint=f"cells are separated by {separator!r}, taken from the header line"
                     + ("; are there decimal commas? then cells need ';' between them" if separator == "," else ""))
-    try:
-        frame = pd.read_csv(io.StringIO("\n".join(body)), sep=separator, names=names, header=None, na_values=[""],
-                            keep_default_na=False, skipinitialspace=True, skip_blank_lines=False, engine="c",
-                            low_memory=False)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as reason:
-        if not body:
-            return pd.DataFrame({name: np.empty(0) for name in names}), np.empty(0, dtype=np.intp), kept[0] + 1
-        raise error("CS0201", f"is not a table: {reason}", file=str(file)) from reason
+    line = np.array(kept[1:], dtype=np.intp) + 1
+    if '"' not in text:
+        return _Cells(names, line, kept[0] + 1, lambda: _frame(body, names, separator, file), body, separator)
+    frame = _frame(body, names, separator, file)
     if len(frame) != len(body):
         open_quote = next((index for index in kept[1:] if lines[index].count('"') % 2), kept[0])
         raise error("CS0201", "a cell in quotes goes over the end of its line, expected one line a row", file=str(file),
                     line=open_quote + 1, hint="take the line break out of the cell, or close its quotes")
-    return frame, np.array(kept[1:], dtype=np.intp) + 1, kept[0] + 1
+    return _Cells(names, line, kept[0] + 1, lambda: frame)
+
+
+def _frame(body: list[str], names: list[str], separator: str, file: Path) -> pd.DataFrame:
+    """The rows of a CSV file as pandas reads them."""
+    import pandas as pd
+
+    if not body:
+        return pd.DataFrame({name: np.empty(0) for name in names})
+    try:
+        return pd.read_csv(io.StringIO("\n".join(body)), sep=separator, names=names, header=None, na_values=[""],
+                           keep_default_na=False, skipinitialspace=True, skip_blank_lines=False, engine="c",
+                           low_memory=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as reason:
+        raise error("CS0201", f"is not a table: {reason}", file=str(file)) from reason

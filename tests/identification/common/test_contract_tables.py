@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 
 from identification.common.findings import CompstiffError
 from identification.common.number_blocks import parse_block, text_blocks
+from identification.common.shipped import shipped
 from identification.common.table_layout import Layout, read_layout
 from identification.common.tables import read_table
 
@@ -196,3 +199,28 @@ def test_times_that_are_not_all_by_the_clock_are_none(tmp_path: Path, cells: tup
         read_table(file, required=("time_s", "dx_um"))
     assert {finding.code for finding in stopped.value.findings} == {"CS0203"}
     assert "hh:mm:ss" in "".join(finding.hint for finding in stopped.value.findings)
+
+
+@pytest.mark.parametrize(("cells", "labels"), [
+    (("P1", "P 2"), ("P1", "P 2")), (("1", "20"), ("1", "20")), (("1", "x"), ("1", "x")), (("", ""), ("", "")),
+    (("007", "x"), ("007", "x")), (("007", "010"), ("7", "10")), (("1.50", "2"), ("1.5", "2.0")), (("", "2"), ("", "2.0")),
+    (("true", "FALSE"), ("True", "False")), (("1e2", "inf"), ("100.0", "inf")), (("12-3", "4"), ("12-3", "4")),
+])
+def test_a_quote_elsewhere_changes_no_label(tmp_path: Path, cells: tuple[str, ...], labels: tuple[str, ...]) -> None:
+    """With and without quotes tables are read in two ways; a column of numbers alone is one of numbers in both."""
+    for first in ("note", '"note"'):
+        file = tmp_path / "t.csv"
+        file.write_text(f"note,a,pose\n{first}, 1.25 , {cells[0]}\nnote,-3e2,{cells[1]}\n")
+        table = read_table(file, required=("a",), texts=("pose",))
+        assert table.numbers["a"].tolist() == [1.25, -300]
+        assert tuple(table.texts["pose"]) == labels
+
+
+def test_tables_and_logs_of_plain_numbers_are_read_without_pandas() -> None:
+    """It takes as long to import as the rest of a start."""
+    code = ("import sys, compstiff; from compensator.forces.log import read_force_log; "
+            "cell = compstiff.read_cell(sys.argv[1]); rows = compstiff.read_measurements(sys.argv[2], cell.robot); "
+            "log = read_force_log(sys.argv[3]); print(len(rows), len(log.place), 'pandas' in sys.modules)")
+    files = [shipped("samples") / name for name in ("cell.yaml", "measurements.csv", "insert.forces.parquet")]
+    done = subprocess.run([sys.executable, "-c", code, *files], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["112", "328756", "False"]
