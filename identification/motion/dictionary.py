@@ -7,6 +7,7 @@ joint's spring (friction, inertia, the delay of the torque) the coefficient is t
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
@@ -96,10 +97,12 @@ def label(effect: Effect) -> str:
 def shapes(logs: list[JointLog], rates: list[float], band: float, offered: list[Effect]) -> list[list[Shape]]:
     """The shapes of each effect, most effects have one; columns are the records' below one another, low-passed."""
     reach = max(float(np.abs(log.torque).max()) for log in logs)
+    torque = np.concatenate([low_pass(log.torque[:, None], rate, band)[:, 0] for log, rate in zip(logs, rates, strict=True)])
+    line = np.column_stack([np.ones_like(torque), torque])
     groups = []
     for effect in offered:
-        group = [shape for fixed in _grid(effect, reach) for smear in _smears(effect, fixed, reach)
-                 if (shape := _shape(effect, fixed, logs, rates, band, smear)) is not None]
+        group = [shape for fixed in _grid(effect, reach)
+                 for shape in _of_fixed(effect, fixed, logs, rates, band, _smears(effect, fixed, reach), line)]
         if group:
             groups.append(group)
     return groups
@@ -126,29 +129,33 @@ def _smears(effect: Effect, fixed: Array, reach: float) -> tuple[float, ...]:
     return tuple(share * float(np.nanmax(fixed)) for share in ROUNDED) if effect.name == "soft_zone" else (0.0,)
 
 
-def _shape(
-    effect: Effect, fixed: Array, logs: list[JointLog], rates: list[float], band: float, smear: float
-) -> Shape | None:
+def _of_fixed(
+    effect: Effect, fixed: Array, logs: list[JointLog], rates: list[float], band: float, smears: tuple[float, ...], line: Array
+) -> Iterator[Shape]:
+    """The shapes that are more than a straight line (n, 2) over the torque, one for each smear at most."""
     free = tuple(int(k) for k in np.flatnonzero(np.isnan(fixed)))
     start = np.nan_to_num(fixed)
-    columns = _columns(effect, start, free, smear, logs, rates, band)
-    torque = np.concatenate([low_pass(log.torque[:, None], rate, band)[:, 0] for log, rate in zip(logs, rates, strict=True)])
-    line = np.column_stack([np.ones_like(torque), torque])
-    kept = []
-    for j in range(len(free)):
-        size = float(np.std(columns[:, j]))
-        left = columns[:, j] - line @ np.linalg.lstsq(line, columns[:, j], rcond=None)[0]
-        if size > 0 and float(np.std(left)) > STRAIGHT * size:
-            kept.append(j)
-    if not kept:
-        return None
-    stiffer = [replace(log, compliance=2.0) for log in logs]
-    once = _column(effect, start, free[0], logs, rates, band)
-    twice = _column(effect, start, free[0], stiffer, rates, band)
-    through = bool(np.allclose(twice, 2 * once, rtol=1e-6, atol=1e-12 * float(np.abs(once).max() + 1e-300))
-                   and np.any(once != 0))
-    return Shape(effect, start, tuple(free[j] for j in kept), columns[:, kept], through,
-                 tuple(_sign(effect, free[j]) for j in kept), smear)
+    through = None
+    for smear in smears:
+        columns = _columns(effect, start, free, smear, logs, rates, band)
+        size, left = np.std(columns, axis=0), np.std(columns - line @ np.linalg.lstsq(line, columns, rcond=None)[0], axis=0)
+        kept = np.flatnonzero((size > 0) & (left > STRAIGHT * size)).tolist()
+        if not kept:
+            continue
+        if through is None:
+            once = _column(effect, start, free[0], logs, rates, band) if smear else columns[:, 0]
+            through = _goes_through_spring(effect, start, free[0], logs, rates, band, once)
+        yield Shape(effect, start, tuple(free[j] for j in kept), columns[:, kept], through,
+                    tuple(_sign(effect, free[j]) for j in kept), smear)
+
+
+def _goes_through_spring(
+    effect: Effect, start: Array, which: int, logs: list[JointLog], rates: list[float], band: float, once: Array
+) -> bool:
+    """Whether a column, once (n,), is twice as large where the spring gives twice as much."""
+    softer = [replace(log, compliance=2.0) for log in logs]
+    twice = _column(effect, start, which, softer, rates, band)
+    return bool(np.allclose(twice, 2 * once, rtol=1e-6, atol=1e-12 * float(np.abs(once).max() + 1e-300)) and np.any(once != 0))
 
 
 def _sign(effect: Effect, which: int) -> int:
