@@ -55,6 +55,9 @@ class Statics:
         self._tcp, self._rod_end, self._lever = (self.model.site(name).id for name in ("tcp", "rod_end", "lever"))
         self._tool = self.model.body("tool").id
         nv = self.model.nv
+        # The data's own memory: to ask for it takes as long as to use it.
+        self._at, self._places = self.data.qpos, self.data.site_xpos
+        self._turn = self.data.xmat[self._tool].reshape(3, 3)
         self._force_jacobian, self._moment_jacobian, self._rod, self._back = np.zeros((4, 3, nv))
         self._bias = np.zeros(nv)
 
@@ -85,7 +88,7 @@ class Statics:
         if rod_ratio == 1.0:
             mujoco.mj_jacSite(self.model, self.data, self._rod, None, self._rod_end)
             mujoco.mj_jacSite(self.model, self.data, self._back, None, self._lever)
-            return self.data.site_xpos[self._rod_end] - self.data.site_xpos[self._lever], self._rod - self._back
+            return self._places[self._rod_end] - self._places[self._lever], self._rod - self._back
         moved, slope = z - commanded, np.zeros((3, len(z)))
         slope[np.arange(3), self.p] = 1.0
         slope[0, self.address["drive3"]] = -1.0
@@ -105,15 +108,17 @@ class Statics:
         """
         commanded = self.place(q)
         z = commanded.copy() if start is None else commanded + start.moved
-        in_tool = np.zeros(3) if offset is None else ZERO_FLANGE @ offset
-        in_base = np.zeros(3) if beside is None else beside
+        in_tool = None if offset is None else ZERO_FLANGE @ offset
         e, p, data, model = self.e, self.p, self.data, self.model
         for _ in range(MAX_ROUNDS):
-            data.qpos[:] = z
+            self._at[:] = z
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
-            tcp = data.site_xpos[self._tcp]
-            point = tcp + data.xmat[self._tool].reshape(3, 3) @ in_tool + in_base
+            tcp = point = self._places[self._tcp]
+            if in_tool is not None:
+                point = point + self._turn @ in_tool
+            if beside is not None:
+                point = point + beside
             mujoco.mj_jac(model, data, self._force_jacobian, None, point, self._tool)
             mujoco.mj_rne(model, data, 0, self._bias)
             load = force @ self._force_jacobian - self._bias
@@ -122,12 +127,11 @@ class Statics:
             elastic = slope[:, e]
             torque = load[e] - (load[p] @ inverse) @ elastic
             change = commanded[e] + springs(torque) - z[e]
-            follow = -inverse @ (gap + elastic @ change)
-            residual = max(float(np.abs(change).max()), float(np.abs(gap).max()))
+            residual = max(map(abs, (*change.tolist(), *gap.tolist())))
             if residual <= tolerance:
                 return State(z, z - commanded, z[e] - commanded[e], torque, tcp.copy(), residual)
             z[e] += change
-            z[p] += follow
+            z[p] -= inverse @ (gap + elastic @ change)
         raise RuntimeError(f"no equilibrium after {MAX_ROUNDS} rounds, residual {residual:.1e}; commanded {np.degrees(q)} deg")
 
 
