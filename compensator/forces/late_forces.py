@@ -99,9 +99,12 @@ class _Left:
         """By so much [s], with the likeliest of these lengths [m] of air before and behind the cuts."""
         at = self.regression.time
         slip = np.interp(at - delay, self.time, self.place) - at
-        best, chosen = np.inf, [0.0, 0.0]
+        best, chosen, known = np.inf, (0.0, 0.0), set[tuple[float, float]]()
         for side, length in product((0, 1, 0, 1), leads):
-            tried = [length if side == i else chosen[i] for i in (0, 1)]
+            tried = (chosen[0], length) if side else (length, chosen[1])
+            if tried in known:
+                continue
+            known.add(tried)
             residual = self.regression.fit(np.array([0.0, 0.0, *tried]), slip).residual
             share = float(np.sum(residual**2)) / max(self.regression.energy, 1e-300)
             if share < best:
