@@ -336,6 +336,22 @@ def test_a_disc_that_weighs_otherwise_is_in_every_load_from_its_own_on() -> None
     assert disc.missing(loaded(forces([0.0, 100, 200], np.array([1.0, 0.0, 0.0])), poses=1))
 
 
+def test_loads_of_one_size_are_off_whichever_way_they_point_and_those_of_others_are_not() -> None:
+    """Where there are three sizes or more, each at two poses: with fewer it is a gain and a hook's weight."""
+    along = np.array([1.0, 0.0, 0.0])
+    rows = loaded(forces([0.0, 100, -200, 300, 200, 0, 100, 202, -300], along), poses=3)
+    of_size = law("hook_weight.one_size")
+    sizes = [shape.effect.where["size_n"] for shape in of_size.signatures(rows, None)]
+    assert sizes == pytest.approx([100, 602 / 3, 300])
+    true = of_size.signatures(rows, None)[1].effect.true_wrench(rows, None, np.array([15.0]))
+    assert true is not None
+    assert_allclose(true[:, 0], [0.0, 100, -215, 300, 215, 0, 100, 217, -300])
+    for few in ([0.0, 100, -200, 0, 100, 200], list(np.arange(100.0, 1000, 50)) * 2, [100.0, 150, 300, 310, 200, 305]):
+        assert of_size.missing(loaded(forces(few, along), poses=2))
+    at_one_pose = of_size.signatures(loaded(forces([100.0, 200, 300, 0, 200, 300], along), poses=2), None)
+    assert [shape.effect.where["size_n"] for shape in at_one_pose] == [200, 300]
+
+
 def shapes(name: str, rows: LoadState) -> list[tuple[Signature, int | None]]:
     effect = effects()[name]
     return [(shape, joint) for joint in effect.places for shape in effect.signatures(rows, joint)]
