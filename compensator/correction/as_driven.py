@@ -23,9 +23,11 @@ EXPLAINS, TIMES, HARDLY = 0.5, (0.7, 1.4), 0.3
 BESIDE = 1.5e-4
 # So does a stretch, where the middles of so many targets that follow each other are as large [m], over this share of all.
 IN_A_ROW, STRETCH, SHARE = 15, 2.5e-4, 0.12
-# Of a single straight move of so many metres it says so where the middle of the samples on so much of its middle stands aside
-# by so much and twice the deflection [m], and its zones end before that.
-LONG, MIDDLE, FAR, SAMPLES = 0.02, 0.6, 1e-3, 20
+# Of a single straight move of so many metres, or half an arc of so many, it says so where the middle of the samples on so much
+# of its middle stands aside by so much [m] and this share of the deflection more than up to so many times the deflection
+# explains, as that of a corrected pass does, and its zones end before that.
+LONG, LONG_ARC, MIDDLE, FAR, SAMPLES = 0.02, 0.01, 0.6, 1e-3, 20
+OTHERWISE, UP_TO = 0.25, 1.5
 
 
 def said_of_positions(planned: Predicted, offsets: Array | None) -> tuple[Finding, ...]:
@@ -39,18 +41,19 @@ def said_of_positions(planned: Predicted, offsets: Array | None) -> tuple[Findin
 
 
 def _beside_long_moves(planned: Predicted) -> tuple[Finding, ...]:
-    """Long straight moves that were changed since the log was taken (CS3120): a program may have a dozen, and few targets."""
+    """Long moves that were changed since the log was taken (CS3120): a program may have a dozen, and few targets."""
     log, path, targets = planned.forces.log, planned.path, planned.targets
     toolpath = path.toolpath
     if log.beside is None or path.axes.driven or toolpath.driven is not None or toolpath.ways:
         return ()
     position, length = path.base_from_tcp.position, path.length
-    yields = np.zeros(len(length))
-    yields[targets] = np.linalg.norm(planned.prediction.position, axis=1)
+    yields = np.zeros((len(length), 3))
+    yields[targets] = planned.prediction.position
     to = np.intersect1d(targets, targets + 1)
     way, margin = length[to] - length[to - 1], 0.5 * (1 - MIDDLE)
     zones = np.maximum(toolpath.zone[to - 1], toolpath.zone[to])
-    chosen = (toolpath.move[to] == Move.LINEAR) & (way >= LONG) & (zones <= margin * way)
+    straight, arc = toolpath.move[to] == Move.LINEAR, np.isin(toolpath.move[to], (Move.ARC_VIA, Move.ARC_END))
+    chosen = ((straight & (way >= LONG)) | (arc & (way >= LONG_ARC))) & (zones <= margin * way)
     to, margin = to[chosen], margin * way[chosen]
     placed = np.flatnonzero(np.isfinite(log.place) & np.isfinite(log.beside).all(axis=1))
     placed = placed[np.argsort(log.place[placed], kind="stable")]
@@ -61,16 +64,23 @@ def _beside_long_moves(planned: Predicted) -> tuple[Finding, ...]:
     for k in np.flatnonzero(last - first >= SAMPLES).tolist():
         middle = np.median(beside[first[k]:last[k]], axis=0)
         aside = middle - (middle @ along[k]) * along[k]
-        if np.linalg.norm(aside) > FAR + 2 * max(yields[to[k]], yields[to[k] - 1]):
+        if _left_of(aside, yields[to[k] - 1:to[k] + 1]) > FAR:
             found.append((int(to[k]), aside))
     if not found:
         return ()
     worst, aside = max(found, key=lambda one: float(np.linalg.norm(one[1])))
     axes = ", ".join(f"{1e3 * axis:+.2f}" for axis in aside)
     return (path.finding(
-        worst, "CS3120", "warning", f"the samples of {counted(len(found), 'straight move')} lie beside the path, here most, by "
+        worst, "CS3120", "warning", f"the samples of {counted(len(found), 'long move')} lie beside the path, here most, by "
         f"{1e3 * np.linalg.norm(aside):.2g} mm ({axes} mm, base frame)",
         "was this part of the program changed since the log was taken? Log the program as it is"),)
+
+
+def _left_of(aside: Array, yields: Array) -> float:
+    """How far (3,) [m] is from what a corrected pass stands off its plan, whose tool yields by (2, 3) [m] at both ends."""
+    of_pass = [*yields, yields.mean(axis=0)]
+    return min(float(np.linalg.norm(aside - np.clip(aside @ one / max(one @ one, 1e-30), -UP_TO, UP_TO) * one)
+                     - OTHERWISE * np.linalg.norm(one)) for one in of_pass)
 
 
 def _judged(planned: Predicted, offsets: Array | None) -> tuple[Finding, ...]:

@@ -14,8 +14,8 @@ from compensator.correction.correct import correct
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import Settings
-from tests.runs.command_line.test_placement import Path3
-from tests.runs.command_line.user_files import Job
+from tests.runs.command_line.test_placement import ORIGIN, Path3
+from tests.runs.command_line.user_files import Job, module, move, work_object
 from tests.support import long
 
 
@@ -108,3 +108,51 @@ def test_a_long_move_that_was_changed_since_is_told(tmp_path: Path, aside_mm: fl
     planned = predict_files(Inputs(tmp_path / "cell.yaml", tmp_path / "part.mod", tmp_path / "stiffness.json",
                                    tmp_path / "forces.csv"))
     assert codes(planned, None) == said
+
+
+@pytest.mark.parametrize(("deeper_mm", "of_deflection", "said"), [
+    (-2.0, 0.0, ["CS3120 False"]), (2.0, -1.0, ["CS3120 False"]), (0.0, 0.0, []), (0.0, -1.0, []), (0.0, -1.4, [])])
+def test_on_a_soft_arm_a_changed_depth_is_told_from_the_offsets_of_a_pass(
+    tmp_path: Path, deeper_mm: float, of_deflection: float, said: list[str]
+) -> None:
+    """Under 900 N the tool yields by more than a millimetre: a cut that was made deeper by two since it was logged, across the
+    way and across the yield, stands off along another line than a corrected pass does."""
+    path = Path3(np.array([[30.0 * i, 0, 0] for i in range(6)]))
+    way = np.arange(0.0, 150.0, 0.05)
+
+    def placed(off_mm: np.ndarray) -> Predicted:
+        there = np.column_stack([way, 0 * way, 0 * way]) + np.where((way > 60) & (way < 90), 1.0, 0.0)[:, None] * off_mm
+        rows = np.column_stack([path.at(there), np.tile([0.0, 900.0, 0.0], (len(way), 1))])
+        Job(tmp_path, program=path.program(), forces="\n".join(["x_mm,y_mm,z_mm,fx_n,fy_n,fz_n", *(
+            ",".join(f"{value:.9g}" for value in row) for row in rows)]) + "\n").write()
+        return predict_files(Inputs(tmp_path / "cell.yaml", tmp_path / "part.mod", tmp_path / "stiffness.json",
+                                    tmp_path / "forces.csv"))
+
+    # The yield across the way, in the axes of the path.
+    yielded = 1e3 * (work_object().r * ORIGIN.r).inv().apply(placed(np.zeros(3)).prediction.position[2:4].mean(axis=0))
+    yielded[0] = 0.0
+    size = float(np.linalg.norm(yielded))
+    assert size > 1.0
+    across = np.cross([1.0, 0, 0], yielded / size)
+    assert codes(placed(deeper_mm * across + of_deflection * yielded), None) == said
+
+
+def test_an_arc_that_was_changed_since_is_told(tmp_path: Path) -> None:
+    """A quarter circle of 25 mm, and the log of the program before, whose corner had 20 mm: both ends and the ways there lie on
+    the new path, the middle two millimetres beside it."""
+    turn = np.radians(np.linspace(0, 90, 3))
+    ends = np.array([[-40.0, -25, 0], [0, -25, 0]])
+    arc = np.column_stack([25 * np.sin(turn), -25 * np.cos(turn), 0 * turn])
+    path = Path3(np.concatenate([ends[:1], arc, [[25.0, 40, 0]]]))
+    program = module([move(path.text[0]), move(path.text[1]),
+                      f"    MoveC {path.text[2]},{path.text[3]},v50,z1,tMill\\WObj:=wPart;", move(path.text[4])])
+    straight = np.arange(0.0, 45, 0.1)
+    bend = np.radians(np.arange(0.0, 90, 0.2))
+    old = np.concatenate([np.column_stack([-40 + straight, -25 + 0 * straight]), np.column_stack(
+        [5 + 20 * np.sin(bend), -5 - 20 * np.cos(bend)]), np.column_stack([25 + 0 * straight, -5 + straight])])
+    rows = np.column_stack([path.at(np.column_stack([old, 0 * old[:, 0]])), np.tile([20.0, 10.0, -5.0], (len(old), 1))])
+    Job(tmp_path, program=program, forces="\n".join(["x_mm,y_mm,z_mm,fx_n,fy_n,fz_n", *(
+        ",".join(f"{value:.9g}" for value in row) for row in rows)]) + "\n").write()
+    planned = predict_files(Inputs(tmp_path / "cell.yaml", tmp_path / "part.mod", tmp_path / "stiffness.json",
+                                   tmp_path / "forces.csv"))
+    assert codes(planned, None) == ["CS3120 False"]
