@@ -12,6 +12,7 @@ from compensator.forces.home import counted_from_home
 from compensator.forces.log import ForceLog
 from compensator.forces.map_matching import match_nearest_pass
 from compensator.forces.misread_places import SHORT, UNITS, misread
+from compensator.forces.target_numbers import said_of_numbers
 from compensator.forces.time_log import place_by_time
 from compensator.path.arc_length import polyline
 from compensator.path.robot_path import RobotPath
@@ -55,6 +56,8 @@ def _on_path(log: ForceLog, path: RobotPath) -> ForceLog:
         return log
     if log.key == "target":
         _check_targets(log, path)
+        if not any(finding.code == "CS3132" for finding in log.findings):
+            log = replace(log, findings=(*log.findings, *said_of_numbers(log, path)))
         return log if path.cell.force_log.form.target == "nearest" else _on_the_way(log, path)
     if log.key == "time":
         return replace(place_by_time(log, path), on_path=True)
