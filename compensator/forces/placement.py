@@ -46,6 +46,8 @@ SMALL, SMALL_SHARE = 5.0, 0.05
 # A log shows no cut where under this share of the targets at the cutting feed, of so many at least, has a force, and one of
 # under so much in the middle [N].
 HARDLY_ANY, SOME, WEAK = 0.1, 50, 10.0
+# A feed is for cutting where this share of the logged targets that are reached at it has a force.
+CUTS = 0.5
 # Middles of sixteen equal shares of a normal distribution, of unit variance.
 SHIFTS = np.array([NormalDist().inv_cdf((k + 0.5) / 16) for k in range(16)])
 SHIFTS /= SHIFTS.std()
@@ -328,11 +330,21 @@ def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces, between: Indices
     empty = forces.samples == 0
     inside = np.flatnonzero(without_sample_in_cut(path, forces.samples, forces.forced))
     level: Level = "warning" if 2 * empty.sum() > len(empty) else "note"
+    at_feed = ~moves_in_air(path.toolpath)
+    # A cut that is not in the log: where what the log has at the cutting feed has forces, that feed is for cutting.
+    missed = empty & at_feed
+    missed[between], missed[inside] = False, False
+    if log.predicted is not None or forces.forced[at_feed & ~empty].sum() < CUTS * (at_feed & ~empty).sum():
+        missed[:] = False
     findings = []
     if empty.sum() > len(between):
+        alone = f", {int(missed.sum())} of them reached at the cutting feed, from line {path.toolpath.line[missed].min()} on"
+        hint = ("was a cut added to the program since, or does the log end before it?" if missed.any()
+                else "is it the log of this program?" if level == "warning" else "")
         findings.append(Finding(
-            "CS3011", level, f"{int(empty.sum()) - len(between)} of {counted(len(empty), 'target')} got no sample: left where "
-            "planned", file=log.source, hint="is it the log of this program?" if level == "warning" else ""))
+            "CS3011", "warning" if missed.any() else level, f"{int(empty.sum()) - len(between)} of "
+            f"{counted(len(empty), 'target')} got no sample: left where planned{alone if missed.any() else ''}",
+            file=log.source, hint=hint))
     if len(between):
         findings.append(Finding(
             "CS3014", level, f"{counted(len(between), 'target')} of the cut without a sample {verb(len(between), 'take')} what "

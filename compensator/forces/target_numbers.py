@@ -1,7 +1,7 @@
 """What the column target of a log names: how many samples each number has is told by the program's feeds and ways.
 
-A logger counts what its controller counts: the target nearest to the tool, or the one that it moves to; from 0 or from 1; a MoveC
-as two targets or as one instruction. Read otherwise every force stands a move or more from where it was.
+A logger counts what its controller counts: the target nearest to the tool, or the one that it moves to; from 0 or from 1; a
+MoveC as two targets or as one instruction. Read otherwise every force stands a move or more from where it was.
 """
 
 from __future__ import annotations

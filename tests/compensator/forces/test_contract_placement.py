@@ -61,6 +61,28 @@ def test_by_target(tmp_path) -> None:
     assert {finding.code for finding in forces.findings} == {"CS3003", "CS3011", "CS3012", "CS3071"}
 
 
+def test_a_cut_that_is_not_in_the_log_is_a_warning(tmp_path) -> None:
+    """Of passes from the air into the air the last one was added to the program since: nothing beside it has a force. Moves
+    in the air that the log left out stay a note."""
+    def passes(count: int, more: str = "") -> str:
+        lines = [f"    MoveL [[{x},{60 * k},{z}],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],{speed},z0,tool0;"
+                 for k in range(count) for x, z, speed in ((800, 940, "v200"), (800, 900, "v200"), (860, 900, "v20"),
+                                                           (860, 940, "v200"))]
+        return "MODULE m\n  PROC main()\n" + "\n".join(lines) + "\n" + more + "  ENDPROC\nENDMODULE\n"
+
+    rows = "".join(f"{target},{force},0,0\n" for target in range(8) for force in ((50, 51) if target % 4 == 2 else (0, 0)))
+    home = "    MoveL [[700,0,950],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v200,z0,tool0;\n"
+    for text, level, said in ((passes(2), None, ""), (passes(2, home), "note", "left where planned"),
+                              (passes(3), "warning", "1 of them reached at the cutting feed, from line 13 on")):
+        (tmp_path / "cell.yaml").write_text(CELL)
+        path = robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(tmp_path / "cell.yaml"))
+        (tmp_path / "forces.csv").write_text("target,fx_n,fy_n,fz_n\n" + rows)
+        found = [one for one in place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell).findings
+                 if one.code == "CS3011"]
+        assert [one.level for one in found] == ([level] if level else [])
+        assert not said or found[0].message.endswith(said)
+
+
 @pytest.mark.parametrize("header", ["path_mm", "x_mm,y_mm,z_mm"])
 def test_half_a_segment_on_either_side(tmp_path, header: str) -> None:
     places = np.array([0, 4.9, 5.1, 14.9, 15.1, 24, 36, 40.0])

@@ -16,7 +16,7 @@ NEAREST, AHEAD = "nearest", "ahead"
 
 
 def job(folder: Path, seed: int, counts: str, stated: str) -> list[str]:
-    """The findings CS3132 of a log at 100 Hz of a program of straight moves and two arcs at 50 mm/s, slower towards its corners,
+    """The findings CS3132 of a log at 100 Hz of a program of straight moves and two arcs at 50 mm/s, slower at its corners,
     whose numbers are those of `counts`."""
     rng = np.random.default_rng((3132, seed))
     kinds = "LLCLLLCLLL"
