@@ -35,12 +35,13 @@ GAP, EVEN = 1.5, 0.1
 @dataclass
 class Channel:
     """What was seen of one channel so far. extreme: largest and smallest value; reset: sample number from which flags of that
-    extreme count; clipped: samples of such runs, first_clipped: line of the first; held_from, held_to: sample numbers of the
-    runs that stood still."""
+    extreme count; clipped: samples of such runs while others moved, at_end: of all such runs, first_clipped: line of the first;
+    held_from, held_to: sample numbers of the runs that stood still, held_at: what they held."""
 
     extreme: list[float] = field(default_factory=lambda: [-np.inf, np.inf])
     reset: list[int] = field(default_factory=lambda: [0, 0])
     clipped: list[int] = field(default_factory=lambda: [0, 0])
+    at_end: list[int] = field(default_factory=lambda: [0, 0])
     first_clipped: list[int] = field(default_factory=lambda: [0, 0])
     repeats: int = 0
     stuck: int = 0
@@ -48,10 +49,18 @@ class Channel:
     longest: int = 0
     held_from: list[int] = field(default_factory=list)
     held_to: list[int] = field(default_factory=list)
+    held_at: list[float] = field(default_factory=list)
     held: float = np.nan
     run: int = 0
     moving: int = 0
     run_line: int = 0
+
+    def elsewhere(self, count: int, clipped: list[int]) -> tuple[int, int]:
+        """Samples of `count`, and repeats among them, outside the runs that stood still and those at the sides `clipped`."""
+        both = sum(to - begin for begin, to, held in zip(self.held_from, self.held_to, self.held_at, strict=True)
+                   if held in [self.extreme[side] for side in clipped])
+        taken = self.stuck + sum(self.at_end[side] for side in clipped) - both
+        return count - taken, self.repeats - taken
 
 
 class _Readings(NamedTuple):
@@ -162,6 +171,7 @@ class Health:
             channel.longest = max(channel.longest, channel.run)
             channel.held_from.append(end - channel.run)
             channel.held_to.append(end)
+            channel.held_at.append(channel.held)
 
     def _clipped(self, channel: Channel, readings: _Readings, flags: Flags, bit: int) -> None:
         """Runs at the largest and at the smallest value so far; a new extreme starts the count anew. bit: the channel's first
@@ -169,7 +179,7 @@ class Health:
         values, same, moves, line = readings
         for side, extreme in enumerate((values.max(), values.min())):
             if extreme > channel.extreme[0] if side == 0 else extreme < channel.extreme[1]:
-                channel.extreme[side], channel.clipped[side] = float(extreme), 0
+                channel.extreme[side], channel.clipped[side], channel.at_end[side] = float(extreme), 0, 0
                 channel.reset[side], channel.first_clipped[side] = self.count, 0
             elif extreme != channel.extreme[side]:
                 continue
@@ -177,11 +187,15 @@ class Health:
             if len(at) < CLIPPED:
                 continue
             for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
-                # Every repeat inside the run while another channel moves: else all stand still together.
-                if len(run) >= CLIPPED and moves[run[1:]].all() and same[run[1:]].all():
+                # Most repeats inside the run while another channel moves: else all stand still together, which alone tells
+                # nothing of a sensor. One whose channels are clipped together stands so now and then.
+                if len(run) < CLIPPED or not same[run[1:]].all():
+                    continue
+                channel.at_end[side] += len(run)
+                flags[run] |= np.uint16(1 << (bit + side))
+                channel.first_clipped[side] = channel.first_clipped[side] or int(line[run[0]])
+                if 2 * np.count_nonzero(moves[run[1:]]) >= len(run) - 1:
                     channel.clipped[side] += len(run)
-                    channel.first_clipped[side] = channel.first_clipped[side] or int(line[run[0]])
-                    flags[run] |= np.uint16(1 << (bit + side))
 
     def _range(self, load: Array, line: Indices, flags: Flags) -> None:
         for columns, limit in ((slice(0, 3), self.limit[0]), (slice(3, 6), self.limit[1])):
@@ -229,11 +243,10 @@ class Health:
         """Channel and side (0 largest, 1 smallest) of what is clipped."""
         sides = []
         for number, channel in enumerate(self.channels):
-            for side in range(2):
-                others = self.count - sum(channel.clipped) - channel.stuck
-                repeats = channel.repeats - sum(channel.clipped) - channel.stuck
-                if channel.clipped[side] and others >= FEWEST and repeats <= REPEATS * others:
-                    sides.append((number, side))
+            clipped = [side for side in range(2) if 2 * channel.clipped[side] >= max(channel.at_end[side], 1)]
+            others, repeats = channel.elsewhere(self.count, clipped)
+            if others >= FEWEST and repeats <= REPEATS * others:
+                sides += [(number, side) for side in clipped]
         return sides
 
     def unsound(self, flags: Flags, number: Indices) -> NDArray[np.bool_]:
@@ -275,7 +288,7 @@ class Health:
         for number, side in self.clipped_sides():
             channel = self.channels[number]
             findings.append(Finding(
-                "CS3023", "warning", f"{AXES[number]}: {counted(channel.clipped[side], 'sample')} in runs of exactly "
+                "CS3023", "warning", f"{AXES[number]}: {counted(channel.at_end[side], 'sample')} in runs of exactly "
                 f"{channel.extreme[side]:.6g}, its {('largest', 'smallest')[side]} value: saturated", file=self.source,
                 line=channel.first_clipped[side], hint=hint))
         return findings

@@ -338,12 +338,13 @@ def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces, between: Indices
         missed[:] = False
     findings = []
     if empty.sum() > len(between):
-        alone = f", {int(missed.sum())} of them reached at the cutting feed, from line {path.toolpath.line[missed].min()} on"
+        alone = "" if not missed.any() else (f", {int(missed.sum())} of them reached at the cutting feed, from line "
+                                             f"{path.toolpath.line[missed].min()} on")
         hint = ("was a cut added to the program since, or does the log end before it?" if missed.any()
                 else "is it the log of this program?" if level == "warning" else "")
         findings.append(Finding(
             "CS3011", "warning" if missed.any() else level, f"{int(empty.sum()) - len(between)} of "
-            f"{counted(len(empty), 'target')} got no sample: left where planned{alone if missed.any() else ''}",
+            f"{counted(len(empty), 'target')} got no sample: left where planned{alone}",
             file=log.source, hint=hint))
     if len(between):
         findings.append(Finding(

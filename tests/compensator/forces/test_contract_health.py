@@ -64,6 +64,18 @@ def test_a_simulation_without_noise_is_left_in_peace(tmp_path, kind: str) -> Non
     assert [finding for finding in log.findings if finding.code in FAULTS and finding.level == "warning"] == []
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_channels_that_are_clipped_together_are_told(tmp_path, seed: int) -> None:
+    """A sensor of too small a range, under a spindle's weight and a cut: often all three channels stand at its end at once."""
+    rng = np.random.default_rng((3023, seed))
+    load = np.repeat([[185.0, -150, 250], [260, -260, 205], [195, -205, 192]], COUNT // 3, axis=0)
+    force = np.clip(load + rng.normal(0, 25, (COUNT, 3)), -200, 200)
+    still = (np.diff(force, axis=0) == 0).all(axis=1)
+    assert 0.05 < still.mean() < 0.5
+    log = read(tmp_path, force)
+    assert ("CS3023" in {code for code, _ in faults(log)}) and log.saturated.mean() > 0.4
+
+
 @pytest.mark.usefixtures("blocks")
 def test_clipped_peaks(tmp_path) -> None:
     force = noisy()
