@@ -30,6 +30,9 @@ FLAT, LEVEL, PUSHED = 0.1, 0.02, 0.15
 # where the factor lies between these and this share of their energy is left at most; another reading is named that leaves so
 # much less.
 AWAY, ACROSS, FACTOR, FITS, LESS = 0.1, 0.3, (0.7, 1.4), 0.15, 4.0
+# A turn about the sensor's own axis is named of so many degrees at least, where the stated one leaves this share of the energy.
+# What a cutter's radius of 25 mm leaves of an arm of 280 is under that.
+LEAST_TURN, LEFT_BY_TURN = 10, 0.02
 # No edge of a cutter is farther from its tip [m] (engineering judgement: half a face mill, and its depth).
 LONGEST_ARM = 0.12
 
@@ -92,17 +95,20 @@ def said_of_moments(
         return []
     readings = {signs: _held_against(np.cross(arm, force * signs), moment) for signs in product((1.0, -1.0), repeat=3)}
     factor, left = readings[1.0, 1.0, 1.0]
-    if FACTOR[0] < factor < FACTOR[1] and left <= FITS:
+    turned_by = _turned_by(arm, force, moment, left)
+    if FACTOR[0] < factor < FACTOR[1] and left <= FITS and not turned_by:
         return []
     signs = min((signs for signs, (one, _) in readings.items() if one > 0), key=lambda signs: readings[signs][1])
     other, least = readings[signs]
     turned = [name for name, sign in zip(("fx", "fy", "fz"), signs, strict=True) if sign < 0]
     if turned and least <= FITS and left > LESS * least:
         how = f"with {' and '.join(turned)} turned over they would be, {other:.2f} times"
-    elif left <= FITS:
+    elif left <= FITS and not turned_by:
         how = f"they are {factor:.2f} times those"
     elif turn := _fitting_turn(cell, arm, force, moment, left):
         how = f"with {turn} they would be"
+    elif turned_by:
+        how = f"with the sensor turned by {turned_by:+d} degrees more about its own z than cell.yaml states they would be"
     else:
         how = f"{100 * left:.0f} % of them is not"
     return [Finding(
@@ -117,6 +123,20 @@ def _held_against(own: Array, moment: Array) -> tuple[float, float]:
     leaves."""
     factor = float(np.sum(own * moment) / np.sum(own**2))
     return factor, float(np.sum((moment - factor * own) ** 2) / np.sum(moment**2))
+
+
+def _turned_by(arm: Array, force: Array, moment: Array, left: float) -> int:
+    """By how many degrees more than stated the sensor is turned about its own z axis, as the moments tell; 0: not seen. As it is
+    clamped, or its axes are read; the weight on it may be too light to tell."""
+    if left < LEFT_BY_TURN:
+        return 0
+    found = {}
+    for degrees in range(-180, 180):
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        factor, least = _held_against(np.cross(arm @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), force), moment)
+        found[degrees] = least if FACTOR[0] < factor < FACTOR[1] else np.inf
+    best = min(found, key=lambda degrees: found[degrees])
+    return best if abs(best) >= LEAST_TURN and left > LESS * found[best] and found[best] <= FITS else 0
 
 
 def _fitting_turn(cell: Cell, arm: Array, force: Array, moment: Array, left: float) -> str:

@@ -137,3 +137,29 @@ def test_about_the_tip_no_moment_has_a_long_arm(tmp_path: Path, kind: str, away:
     axes = np.broadcast_to(np.eye(3), (len(load), 3, 3))
     found = said_of_moments(load, axes, 0 * arm, np.ones(len(load), dtype=bool), read_cell(tmp_path / "cell.yaml"), "log")
     assert [finding.code for finding in found] == (["CS3127"] if said else [])
+
+
+@pytest.mark.parametrize(("stated_deg", "radius_m", "said"), [
+    (30, 0.0, None), (30, 0.025, None), (24, 0.0, None), (0, 0.0, "turned by +30 degrees more"),
+    (60, 0.0, "turned by -30 degrees more"), (0, 0.01, "turned by +3"), (60, 0.01, "turned by -3"), (55, 0.0, "turned by -25")])
+def test_a_turn_about_the_sensors_own_axis_is_told_in_degrees(
+    tmp_path: Path, stated_deg: float, radius_m: float, said: str | None
+) -> None:
+    """It stands turned by 30 degrees about the flange's z, the tip 127 mm aside of it; the force works at the cutter's side."""
+    w, z = np.cos(np.radians(stated_deg / 2)), np.sin(np.radians(stated_deg / 2))
+    (tmp_path / "cell.yaml").write_text(CELL + f"force_log: {{frame: sensor, sensor_quaternion: [{w:.9f}, 0, 0, {z:.9f}], "
+                                        "sensor_position_mm: [0, 0, 55]}\n")
+    cell = read_cell(tmp_path / "cell.yaml")
+    rng = np.random.default_rng(30)
+    arm, count = np.array([0.118, -0.047, 0.25]), 400
+    way = rng.uniform(0, 2 * np.pi, count)
+    force = np.column_stack([200 * np.cos(way) - 90 * np.sin(way), 200 * np.sin(way) + 90 * np.cos(way), np.full(count, -40.0)])
+    side = radius_m * np.column_stack([np.cos(way), np.sin(way), 0 * way])
+    moment = np.cross(arm + side, force) + rng.normal(0, 0.5, (count, 3))
+    sensor = Rotation.from_euler("z", 30, degrees=True).as_matrix()
+    logged = np.concatenate([force @ sensor, moment @ sensor], axis=1)
+    assert cell.force_log.flange_from_sensor is not None
+    axes = np.broadcast_to(cell.force_log.flange_from_sensor.rotation, (count, 3, 3))
+    found = said_of_moments(logged, axes, np.tile(arm, (count, 1)), np.ones(count, dtype=bool), cell, "log")
+    assert [finding.code for finding in found] == ([] if said is None else ["CS3127"])
+    assert all(str(said) in finding.message for finding in found)
