@@ -23,6 +23,7 @@ from compensator.correction.posture import Advice, advise
 from compensator.correction.predict import Predicted, largest_and_rms
 from compensator.correction.prediction import Prediction
 from compensator.correction.read_back import read_back
+from compensator.correction.turned_already import said_of_own_turns
 from compensator.correction.unloaded_robot import by_unloaded_robot
 from compensator.correction.waiting import Waiting, told, waiting
 from compensator.correction.worse import risk_of
@@ -210,7 +211,8 @@ def _under(planned: Predicted, logged: LoggedPass, sent: Predicted) -> Corrected
         feed = check_feed(judge(planned.path, planned.forces.forced),
                           judge(predicted.path, predicted.forces.forced, commanded), strict=feed_settings.strict_feed)
     findings = (*predicted.findings, *logged.findings, *of_corners, *cut.findings, *correction.findings, *written.findings,
-                *of_marks, *(between.findings if between else ()), *(feed.findings if feed else ()))
+                *of_marks, *(between.findings if between else ()), *(feed.findings if feed else ()),
+                *said_of_own_turns(predicted, kept, correction))
     if written.content == planned.program.text.source.data:
         raise Refused(nothing_corrected(planned, predicted, correction),
                       *(finding for finding in findings if finding.level != "note"))

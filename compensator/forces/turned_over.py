@@ -126,8 +126,8 @@ def _held_against(own: Array, moment: Array) -> tuple[float, float]:
 
 
 def _turned_by(arm: Array, force: Array, moment: Array, left: float) -> int:
-    """By how many degrees more than stated the sensor is turned about its own z axis, as the moments tell; 0: not seen. As it is
-    clamped, or its axes are read; the weight on it may be too light to tell."""
+    """By how many degrees more than stated the sensor is turned about its own z axis, as the moments tell; 0: not seen. As it
+    is clamped, or its axes are read; the weight on it may be too light to tell."""
     if left < LEFT_BY_TURN:
         return 0
     found = {}

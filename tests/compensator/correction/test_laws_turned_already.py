@@ -1,0 +1,67 @@
+"""A program that was corrected tells it by its own orientations, also where its record did not come along."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from compensator.correction.correct import Corrected, correct
+from compensator.correction.files import Inputs, predict_files
+from compensator.correction.turned_already import said_of_own_turns
+from identification.model.rotations import Frame
+from tests.runs.command_line.test_placement import Path3
+from tests.runs.command_line.user_files import Job
+
+COUNT, CUT = 30, (5, 25)
+
+
+def corrected(folder: Path, program: str) -> Corrected:
+    """Thirty targets of one orientation, twenty of them in a cut whose force turns."""
+    turn = np.linspace(0, 2.5, COUNT)
+    rows = [(k, 300 * np.cos(turn[k]), 300 * np.sin(turn[k]), -80) if CUT[0] <= k < CUT[1] else (k, 0, 0, 0)
+            for k in range(COUNT) for _ in range(2)]
+    folder.mkdir(exist_ok=True)
+    log = "target,fx_n,fy_n,fz_n\n" + "".join(",".join(map(str, row)) + "\n" for row in rows)
+    Job(folder, program=program, forces=log).write()
+    names = ("cell.yaml", "part.mod", "stiffness.json", "forces.csv")
+    return correct(predict_files(Inputs(*(folder / name for name in names))))
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Corrected:
+    path = Path3(np.array([[4.0 * k, 0, 0] for k in range(COUNT)]))
+    return corrected(tmp_path_factory.mktemp("first") / "job", path.program())
+
+
+def told(done: Corrected) -> bool:
+    return "CS4207" in {finding.code for finding in done.findings}
+
+
+def test_a_corrected_program_is_told_and_the_planned_one_is_not(first: Corrected, tmp_path: Path) -> None:
+    assert len(first.kept) == len(first.predicted.path.toolpath), "targets were added: the log's numbers name others then"
+    assert not told(first)
+    assert told(corrected(tmp_path / "fetched", first.content.decode()))
+
+
+@pytest.mark.parametrize(("kind", "said"), [("as corrected", True), ("the other way", False), ("by chance", False),
+                                            ("leaning along the path", False), ("none", False)])
+def test_only_turns_as_by_a_correction_are_told(first: Corrected, kind: str, said: bool) -> None:
+    """Targets that are turned in the work object, each in another way, by as much as a correction turns them."""
+    path, targets = first.predicted.path, first.correction.targets
+    rng = np.random.default_rng(4207)
+    turn = first.correction.turn
+    size = np.linalg.norm(turn, axis=1, keepdims=True)
+    way = rng.normal(0, 1, turn.shape)
+    turns = {"as corrected": 1.1 * turn + 0.1 * size * way, "the other way": -turn, "none": 0 * turn, "by chance": size * way,
+             "leaning along the path": np.outer(np.linspace(0, 0.2, len(turn)), [1.0, 0, 0])}[kind]
+    rotation = path.base_from_tcp.rotation.copy()
+    in_object = np.swapaxes(path.base_from_object.rotation, -1, -2)[targets] @ rotation[targets]
+    rotation[targets] = path.base_from_object.rotation[targets] @ Rotation.from_rotvec(turns).as_matrix() @ in_object
+    own = SimpleNamespace(base_from_object=path.base_from_object, toolpath=path.toolpath,
+                          base_from_tcp=Frame(rotation, path.base_from_tcp.position))
+    seen = SimpleNamespace(path=own, targets=first.predicted.targets, program=first.predicted.program)
+    assert bool(said_of_own_turns(seen, first.kept, first.correction)) == said
