@@ -14,7 +14,7 @@ from compensator.forces import revolutions
 from compensator.forces.health import EVEN, Health
 from compensator.forces.predicted_forces import PredictedForces
 from compensator.forces.ripple import Ripple, ripple_of
-from compensator.forces.source import TIMES, ForceSource, Key, Samples, open_force_log, placed_by
+from compensator.forces.source import TIMES, BothPlaces, ForceSource, Key, Samples, open_force_log, placed_by
 from identification.common.arrays import Array, read_only
 from identification.common.findings import CompstiffError, Finding, counted, error
 from identification.common.progress import progress
@@ -24,6 +24,8 @@ Indices = NDArray[np.intp]
 # A log longer than twice this is kept as means of consecutive samples, about this many, or this many a target.
 ROWS, ROWS_PER_TARGET = 250_000, 16
 AS_IT_IS = ForceLogFile()
+# Positions and joint angles in one log are held against each other here along it.
+LOOKED_AT = tuple(np.linspace(0, 1, 81)[1:-1].tolist())
 # What plain means cost is said of a target's stretch of this time [s].
 A_STRETCH = 0.1
 # A cutter has fewer teeth: the lines of so many times the stated speed are those of a faster spindle.
@@ -46,7 +48,8 @@ class ForceLog:
     held (M,): rows in which a channel stood still (health.py), which place the log and are no forces. on_path: the rows were
     placed along the path; sent: by where the program sent the tool, so that its offsets are in the place. beside (M, 3) [m],
     world: how far each row stood beside the path then, NaN where it is not on it. ripple: how often the force repeats in a turn
-    of the spindle as stated, None where it is not stated, or the spectrum does not show that speed.
+    of the spindle as stated, None where it is not stated, or the spectrum does not show that speed. twice: some samples of a
+    log that has positions and joint angles, None else.
     """
 
     source: str
@@ -71,6 +74,7 @@ class ForceLog:
     sent: bool = False
     beside: Array | None = None
     ripple: Ripple | None = None
+    twice: BothPlaces | None = None
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))
@@ -160,7 +164,7 @@ def read_force_log(
         weight, time, rate,
         revolution=1 / spindle if window and spindle else None, plain=rows.plain if window else rows.load,
         saturated=health.unsound(rows.flags, rows.number), findings=tuple(findings), lines_left=turn.left,
-        ripple=turn.ripple,
+        ripple=turn.ripple, twice=source.both_places(LOOKED_AT),
         held=health.no_forces(rows.number, weight, int(np.ceil(0.5 * window)) if window else 0))
 
 

@@ -14,6 +14,7 @@ from compensator.forces.map_matching import match_nearest_pass
 from compensator.forces.misread_places import SHORT, UNITS, misread
 from compensator.forces.target_numbers import said_of_numbers
 from compensator.forces.time_log import place_by_time
+from compensator.forces.twice_placed import said_of_both
 from compensator.path.arc_length import polyline
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
@@ -43,6 +44,8 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
 
 def placed_rows(log: ForceLog, path: RobotPath) -> tuple[ForceLog, NDArray[np.bool_]]:
     """The log as of `on_path`, with all its rows, and which of them (M,) have no known place. Raises as `on_path`."""
+    if log.twice is not None:
+        log = replace(log, twice=None, findings=(*log.findings, *said_of_both(log.source, log.twice, path)))
     if not log.on_path and log.key == "path_mm":
         _check_unit(log, log.place[:, None], path.length[np.isfinite(path.length), None], "path_mm is")
         log = counted_from_home(log, path)

@@ -57,6 +57,15 @@ class Samples:
 
 
 @dataclass(frozen=True, eq=False)
+class BothPlaces:
+    """Where n samples of a log were taken that says it twice: position (n, 3) [m] of the TCP in the work object, joints (n, 6)
+    [rad]."""
+
+    position: Array
+    joints: Array
+
+
+@dataclass(frozen=True, eq=False)
 class ForceSource:
     """A log that is there to be read. rows: how many, about. key: what places its samples."""
 
@@ -104,7 +113,23 @@ class ForceSource:
 
         One that cannot be read ends them: `blocks` complains of it with its line.
         """
-        wanted = (*self.forces, *(self.moments or ()))
+        for part in self._parts((*self.forces, *(self.moments or ())), shares, rows):
+            yield self._load(part)
+
+    def both_places(self, shares: Sequence[float]) -> BothPlaces | None:
+        """TCP positions and joint angles of a sample from each of about these places of the way through a log that has both;
+        None where it has not, or not twice."""
+        if not {*POSITION, *JOINTS} <= set(self.columns):
+            return None
+        rows = [[part[name][0] for name in (*POSITION, *JOINTS)] for part in self._parts((*POSITION, *JOINTS), shares, 3)
+                if len(part[POSITION[0]])]
+        found = np.array(rows, dtype=float).reshape(-1, 9)
+        found = found[np.isfinite(found).all(axis=1)]
+        return BothPlaces(1e-3 * found[:, :3], np.radians(found[:, 3:])) if len(found) > 1 else None
+
+    def _parts(self, wanted: tuple[str, ...], shares: Sequence[float], rows: int) -> Iterator[dict[str, Array]]:
+        """These columns of about `rows` rows on end, from places `shares` (0 to 1) of the way through the file; one that cannot
+        be read ends them."""
         if self.held is not None:
             places = [int(share * max(self.rows - rows, 0)) for share in shares]
             numbers = iter([{name: self.held[name][place:place + rows] for name in wanted} for place in places])
@@ -116,7 +141,7 @@ class ForceSource:
         with contextlib.suppress(CompstiffError):
             for part in numbers:
                 if part:
-                    yield self._load(part)
+                    yield part
 
     def _load(self, numbers: dict[str, Array]) -> Array:
         count = len(next(iter(numbers.values())))
