@@ -49,7 +49,7 @@ class ForceLog:
     placed along the path; sent: by where the program sent the tool, so that its offsets are in the place. beside (M, 3) [m],
     world: how far each row stood beside the path then, NaN where it is not on it. ripple: how often the force repeats in a turn
     of the spindle as stated, None where it is not stated, or the spectrum does not show that speed. twice: some samples of a
-    log that has positions and joint angles, None else.
+    log that has positions and joint angles, None else. counted: the path lengths are the logger's own, of the way it was sent.
     """
 
     source: str
@@ -75,6 +75,7 @@ class ForceLog:
     beside: Array | None = None
     ripple: Ripple | None = None
     twice: BothPlaces | None = None
+    counted: bool = False
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))

@@ -49,7 +49,8 @@ def placed_rows(log: ForceLog, path: RobotPath) -> tuple[ForceLog, NDArray[np.bo
     if not log.on_path and log.key == "path_mm":
         _check_unit(log, log.place[:, None], path.length[np.isfinite(path.length), None], "path_mm is")
         log = counted_from_home(log, path)
-        return _before_unknown(replace(log, place=_in_time(log, log.place, path), on_path=True), path)
+        own = log.spread is None and log.predicted is None
+        return _before_unknown(replace(log, place=_in_time(log, log.place, path), on_path=True, counted=own), path)
     placed = _on_path(log, path)
     return placed, np.zeros(len(placed.place), dtype=bool)
 

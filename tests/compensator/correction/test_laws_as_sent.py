@@ -54,6 +54,28 @@ def test_each_force_stands_where_the_program_was(tmp_path: Path, columns: str, o
     assert as_sent(predicted, None) is predicted
 
 
+@pytest.mark.parametrize("pushed", [False, True])
+def test_a_path_length_counts_the_way_with_the_offsets(tmp_path: Path, pushed: bool) -> None:
+    """Offsets that go to and fro across the path, by 0.4 mm: the way with them is 3 mm longer at the end of 40. A logger that
+    counts the plan's own lengths, as of a program whose offsets are pushed, ends where that ends and is left as it is."""
+    path = Path3(np.array([[STEP * i, 0, 0] for i in range(COUNT)]))
+    job = Job(tmp_path, program=path.program(), forces="target,fx_n,fy_n,fz_n\n0,0,0,0\n").write()
+    side = 0.2 * (-1.0) ** np.arange(COUNT)
+    program = np.arange(0.0, STEP * (COUNT - 1) + 1e-9, 0.02)
+    way = program * (1.0 if pushed else np.hypot(STEP, 0.4) / STEP)
+    rows = np.column_stack([way, met(program)])
+    job.forces = "\n".join(["path_mm,fx_n,fy_n,fz_n", *(",".join(f"{value:.9g}" for value in row) for row in rows)]) + "\n"
+    job.write()
+    predicted = predict_files(Inputs(tmp_path / "cell.yaml", tmp_path / job.name, tmp_path / "stiffness.json",
+                                     tmp_path / "forces.csv"))
+    across = kit.tcp_pose(kit.IRB6660, kit.START, kit.TOOL).r.apply([0.0, 1.0, 0.0])
+    found = as_sent(predicted, PassOffsets.at_targets(1e-3 * side[:, None] * across)).forces.wrench[:, :3]
+    places = np.arange(12, 30)
+    assert np.abs(found[places] - met(places * STEP)).max() < 2.0
+    as_logged = np.abs(predicted.forces.wrench[places, :3] - met(places * STEP)).max()
+    assert (as_logged > 100.0) == (not pushed)
+
+
 def test_a_log_is_placed_once(tmp_path: Path) -> None:
     """Positions that come 30 ms late in the log are moved by that once, however often the log is placed again."""
     path = Path3(np.array([[STEP * i, 0, 0] for i in range(COUNT)]))
