@@ -97,6 +97,9 @@ def _of_table(file: Path, form: ForceLogFile) -> Kind:
         return "measurements"
     if "ox_mm" in names:
         return "offsets"
+    # A load test whose angles have names of their own: its reader says what they should be called.
+    if names & {*DEFLECTIONS} and names & {MASS, FORCES[0]} and not names & {"target", "path_mm", "x_mm"}:
+        return "measurements"
     if names & {*DEFLECTIONS, "dn_um", "d_um"}:
         return "measured part"
     if names & {FORCES[0], "fx_counts"}:

@@ -35,9 +35,12 @@ _WITH_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 _WHOLE = re.compile(r"0|-?[1-9]\d{0,17}")
 _NUMBERS_IN_WORDS = ("true", "false", "nan", "inf", "infinity")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")           # 1,234 may be either
+# A point of thousands, as German spreadsheets show it, where the file's other cells have decimal commas.
+_POINT_OF_THOUSANDS = re.compile(r"[-\u2212+]?[1-9]\d{0,2}(\.\d{3})+")
 # What people write in place of a number, and what to do about it.
 _SLIPS = (
     (re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?"), "write it without commas between thousands"),
+    (re.compile(r"[-+]?\d{1,3}([.'\u2019 \u00a0\u202f]\d{3})+([.,]\d*)?"), "write it without a mark between thousands"),
     (re.compile(r".*\d:\d\d.*|\d{1,4}[-./]\d{1,2}[-./]\d{1,4}"),
      "write times as seconds in one number, from any start, or all of them as hh:mm:ss"),
     (re.compile(r"[-+]?\d+([.,]\d+)?\s*[^\W\d_eE][^\d]*"), "write the number alone: its unit is in the column's name"),
@@ -291,7 +294,8 @@ def as_floats(column: pd.Series, *, empty: bool) -> tuple[Array, NDArray[np.intp
         return values, np.flatnonzero(~((np.abs(values) <= LARGEST_CELL) | (empty & np.isnan(values))))
     import pandas as pd
 
-    text = column.fillna("").astype(str).str.strip()
+    # The typographic minus, as Swedish spreadsheets write it.
+    text = column.fillna("").astype(str).str.strip().str.replace("\u2212", "-", regex=False)
     values = pd.to_numeric(text.where(text != "", None), errors="coerce").to_numpy(dtype=float)
     good = (np.abs(values) <= LARGEST_CELL) | (empty & (text == "").to_numpy())
     return values, np.flatnonzero(~good)
@@ -374,6 +378,18 @@ def _widths(body: list[str], separator: str, file: str | Path) -> NDArray[np.int
         raise error("CS0201", f"is not a table: {reason}", file=str(file)) from reason
 
 
+def _no_thousands(body: list[str], separator: str, file: str, index: list[int]) -> None:
+    """Raises CompstiffError (CS0203) for a point between thousands beside cells with decimal commas; index: of each line."""
+    if not any(_DECIMAL_COMMA.search(line) for line in body):
+        return
+    for row, line in enumerate(body):
+        for column, cell in enumerate(line.split(separator) if "." in line else (), 1):
+            if _POINT_OF_THOUSANDS.fullmatch(cell.strip()):
+                raise error("CS0203", f"the point in {shown(cell.strip())} separates thousands, or is a decimal one where "
+                            "other cells have decimal commas", file=file, line=index[row] + 1, column=column,
+                            hint="write it without a mark between thousands, and decimal commas alike in all cells")
+
+
 def _csv(file: Path) -> _Cells:
     """Cells of a CSV file, comments and blank lines left out."""
     try:
@@ -394,6 +410,7 @@ def _csv(file: Path) -> _Cells:
     while header.endswith(separator) and all(line.endswith(separator) for line in body):
         header, body = header[:-1], [line[:-1] for line in body]
     if separator != "," and any("," in line for line in body):
+        _no_thousands(body, separator, str(file), kept[1:])
         body = with_decimal_points(body)
     try:
         names = [name.strip().strip('"') for name in next(csv.reader([header], delimiter=separator))]

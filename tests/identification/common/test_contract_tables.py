@@ -43,6 +43,31 @@ def test_one_meaning_is_read(tmp_path: Path, read, rows: str, encoding: str) -> 
     np.testing.assert_array_equal(table["b_mm"], [2, 0.25])
 
 
+def test_the_minus_of_a_swedish_spreadsheet_is_one(tmp_path: Path, read) -> None:
+    file = tmp_path / "table.csv"
+    file.write_text("a_mm;b_mm\n\u22121,5;2\n3;\u22120,25\n", encoding="utf-8-sig")
+    table = read(file)
+    np.testing.assert_array_equal(table["a_mm"], [-1.5, 3])
+    np.testing.assert_array_equal(table["b_mm"], [2, -0.25])
+
+
+@pytest.mark.parametrize(("cell", "right"), [("-1.112", False), ("12.345", False), ("1.234.567", False), ("0.125", True),
+                                             ("1.2", True), ("1.2345", True)])
+def test_a_point_of_thousands_is_not_a_decimal_one(tmp_path: Path, cell: str, right: bool) -> None:
+    """Beside decimal commas; a file of decimal points alone is read as ever."""
+    file = tmp_path / "table.csv"
+    file.write_text(f"a_mm;b_mm\n15,2098;7\n32,9;{cell}\n")
+    if right:
+        assert short(file)["b_mm"][1] == float(cell)
+    else:
+        with pytest.raises(CompstiffError) as stopped:
+            short(file)
+        assert [(one.code, one.line, one.column) for one in stopped.value.findings] == [("CS0203", 3, 2)]
+        assert "thousands" in stopped.value.findings[0].hint
+    file.write_text("a_mm;b_mm\n15.209;7\n-1.112;3\n")
+    np.testing.assert_array_equal(short(file)["a_mm"], [15.209, -1.112])
+
+
 @pytest.mark.parametrize("mark", [",", ";", "\t"])
 def test_what_a_spreadsheet_leaves_behind_a_table_is_nothing(tmp_path: Path, mark: str) -> None:
     """Columns and rows without a word; a word in them is a column without a name."""

@@ -92,6 +92,14 @@ def test_everything_that_is_wrong_is_said_in_one_go(folder: Path) -> None:
     assert placed["measurements.csv"] == 1
 
 
+def test_a_load_test_under_names_of_its_own_is_asked_for_its_angles(folder: Path) -> None:
+    """A1 ... A6 and a mass, as a German sheet has it: what is missing are joint angles, not where a part was measured."""
+    (folder / "loads.csv").write_text("A1;A2;A3;A4;A5;A6;Masse;fx_n;fy_n;fz_n;dx_um;dy_um;dz_um\n1;2;3;4;5;6;;0;0;0;1;2;3\n")
+    run = check(folder, folder / "loads.csv")
+    assert verdicts(run)["loads.csv"] == ("measurements", "error")
+    assert kit.codes(run) == {"CS0202"}
+
+
 def test_each_reader_s_findings_are_those_of_its_command(folder: Path) -> None:
     """An angle beyond the limits, as identify says it: same code, same line and column, same words."""
     sheet = folder / "measurements.csv"
