@@ -158,8 +158,8 @@ def _findings(looked_at: LookedAt, points: Indices, left: Array) -> tuple[Findin
         (over & ~beside & ~near, "CS3091", "warning", "no target can be added to the move" if not settings.keep_targets else
          "no target is added (--keep-targets)", "without --keep-targets, moves that follow each other directly are refined" if
          settings.keep_targets else "targets are added to moves that stand one a line behind the move before them, and to a "
-         "loop of one MoveL to aPath{i} with a zone: not to the first move of a routine. Let the approach stand in the routine of "
-         "the cut, and the post write other loops so"))
+         "loop of one MoveL to aPath{i} with a zone, not to the first move of a routine: let the approach stand in the routine "
+         "of the cut, and the post write other loops so"))
     findings = []
     for mask, code, level, why, hint in reasons:
         if mask.any():

@@ -16,6 +16,8 @@ Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 # A stretch without a sample is no longer than this share of the cut it lies in.
 SHARE = 0.25
+# A log leaves a stretch of a move out where no sample lies on so much of it [m], so many times the usual way between two.
+LEFT_OUT, TIMES = 5e-3, 20.0
 # A median of absolute values of a normal distribution, in sigmas.
 MEDIAN = 0.6745
 
@@ -26,6 +28,25 @@ def without_sample_in_cut(path: RobotPath, samples: Indices, forced: Mask) -> Ma
     run = np.cumsum(np.diff(empty, prepend=False))
     beside = np.unique(np.concatenate([run[1:][empty[1:] & forced[:-1]], run[:-1][empty[:-1] & forced[1:]]]))
     return np.asarray(empty & np.isin(run, beside) & ~moves_in_air(path.toolpath))
+
+
+def left_out(path: RobotPath, place: Array) -> tuple[Indices, Array]:
+    """The targets (k,) at the cutting feed on the way to which the log, of samples at places (M,) [m], leaves a stretch out
+    between two samples, and how much (k,) [m] of that move."""
+    length, cutting = path.length, np.flatnonzero(~moves_in_air(path.toolpath))
+    cutting = cutting[cutting > 0]
+    cutting = cutting[np.isfinite(length[cutting]) & np.isfinite(length[cutting - 1])]
+    place = np.sort(place[np.isfinite(place)])
+    if len(place) < 2 or not len(cutting):
+        return np.empty(0, dtype=np.intp), np.empty(0)
+    start, way = place[:-1], np.diff(place)
+    usual = np.median(way[way > 0]) if (way > 0).any() else 0.0
+    wide = way > max(LEFT_OUT, TIMES * usual)
+    start, end = start[wide], start[wide] + way[wide]
+    lost = np.array([np.maximum(np.minimum(end, length[to]) - np.maximum(start, length[to - 1]), 0.0).max(initial=0.0)
+                     for to in cutting.tolist()])
+    found = lost > LEFT_OUT
+    return cutting[found], lost[found]
 
 
 def short_gaps(path: RobotPath, samples: Indices, forced: Mask, held: Indices) -> list[tuple[int, int]]:

@@ -16,7 +16,7 @@ from compensator.forces.detection import SIGMAS, over_noise, over_scatter, witho
 from compensator.forces.driven_feed import said_of_clock, said_of_feed
 from compensator.forces.driven_moves import AsDriven, as_driven
 from compensator.forces.edges import at_edges
-from compensator.forces.gaps import filled, short_gaps, without_sample_in_cut
+from compensator.forces.gaps import filled, left_out, short_gaps, without_sample_in_cut
 from compensator.forces.late_forces import said_of_delay
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.misread_places import misread
@@ -137,6 +137,7 @@ def place_forces(
                           *_of_predicted(log, on, rows, forced), zero_std=_drifted(own_mean, path, rows, zero, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces, between),
+                 *_left_out(log, path, forces, on),
                  *_in_air(log, path, forces),
                  *_driven_in_air(log, path, forces),
                  *(_said_of_time(driven, forced, float(log.weight[on].sum())) if log.predicted is None else ()),
@@ -357,6 +358,22 @@ def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces, between: Indices
             f"left where planned, with a step in the surface at either end: {_listed(inside)}", **_at(path, int(inside[0])),
             hint="log at a higher rate, or check that the log covers the whole cut"))
     return findings
+
+
+def _left_out(log: ForceLog, path: RobotPath, forces: TargetForces, on: NDArray[np.bool_]) -> list[Finding]:
+    """Stretches of a cut without a sample between two targets that have some. on (M,): the log's rows on the path."""
+    if log.key != "path_mm" or log.spread is not None or log.predicted is not None or path.toolpath.driven is not None:
+        return []
+    to, lost = left_out(path, log.place[on])
+    known = (forces.samples[to] > 0) & (forces.samples[to - 1] > 0) & (forces.forced[to] | forces.forced[to - 1])
+    if not known.any():
+        return []
+    to, lost = to[known], lost[known]
+    worst = int(np.argmax(lost))
+    more = f", and less of {len(to) - 1} more" if len(to) > 1 else ""
+    return [Finding("CS3134", "warning", f"the log leaves out {1e3 * lost[worst]:.0f} mm of the move to this target, in the "
+                    f"cut{more}: there the force is taken to lie between those on either side", **_at(path, int(to[worst])),
+                    hint="log the pass again where that matters: what the force did there is in no sigma")]
 
 
 def _drifted(mean: Array, path: RobotPath, rows: TargetRows, zero: Zero, forced: NDArray[np.bool_]) -> float:

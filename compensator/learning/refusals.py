@@ -77,9 +77,9 @@ def said_of(learning: Learning, before: Array, mean: Array) -> list[Finding]:
         findings.append(Finding(
             "CS5328", "warning", f"the part was off by {motion.value:.2f} +- {two_sigma(motion.std):.2g} (2 sigma) times what "
             "the load tests let expect: a robot in motion gives way more than at rest, not less", file=learning.source,
-            hint="are these points of the corrected part? Then its own log, and --logged-with OFFSETS.csv. Is it the deviation a "
-            "side where both are meant, were places without a reading given 0, is the sensor's gain right, and the stiffness file "
-            "this robot's? Do not carry it to another program else"))
+            hint="are these points of the corrected part? Then its own log, and --logged-with OFFSETS.csv. Is it the deviation "
+            "a side where both are meant, were places without a reading given 0, is the sensor's gain right, and the stiffness "
+            "file this robot's? Do not carry it to another program else"))
     size, frame = learning.learned.springs, learning.learned.frame
     job = learning.learned.mean[size:size + 9]
     if learning.setup_on:

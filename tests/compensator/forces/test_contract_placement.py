@@ -61,6 +61,22 @@ def test_by_target(tmp_path) -> None:
     assert {finding.code for finding in forces.findings} == {"CS3003", "CS3011", "CS3012", "CS3071"}
 
 
+@pytest.mark.parametrize(("header", "step", "lost", "said"), [
+    ("path_mm", 0.1, (12.0, 18.5), ["6 mm"]), ("x_mm,y_mm,z_mm", 0.1, (12.0, 18.5), ["6 mm"]),
+    ("path_mm", 0.1, (12.0, 15.0), []), ("path_mm", 0.1, (27.0, 33.5), []), ("path_mm", 2.0, (12.1, 17.9), []), ("path_mm", 0.1, (99.0, 99.0), [])])
+def test_a_stretch_of_a_cut_without_a_sample_is_told(
+    tmp_path, header: str, step: float, lost: tuple[float, float], said: list[str]
+) -> None:
+    """In a move of 10 mm: what is short, or shared by two moves, or usual for a slow logger is not."""
+    way = np.arange(0, 40.001, step)
+    way = way[(way <= lost[0]) | (way >= lost[1])]
+    place_of = way[:, None] if header == "path_mm" else np.column_stack([1000 + way, 0 * way, 700 + 0 * way])
+    rows = np.column_stack([place_of, np.tile([30.0, -20, 5], (len(way), 1))])
+    found = [one for one in place(tmp_path, log_text(f"{header},fx_n,fy_n,fz_n", rows)).findings if one.code == "CS3134"]
+    assert [f"leaves out {words}" in one.message for one, words in zip(found, said, strict=True)] == [True] * len(said)
+    assert all(one.target == 2 for one in found)
+
+
 def test_a_cut_that_is_not_in_the_log_is_a_warning(tmp_path) -> None:
     """Of passes from the air into the air the last one was added to the program since: nothing beside it has a force. Moves
     in the air that the log left out stay a note."""
