@@ -43,7 +43,14 @@ from identification.fit.profile import Profile, profiles
 from identification.fit.seating import moving_zero
 from identification.fit.subsets import Conflict, subset_conflicts
 from identification.fit.validation import Validation, judge_validation
-from identification.fit.visit_findings import mending, not_independent, sentence, validation_findings, visit_findings
+from identification.fit.visit_findings import (
+    kinds_apart,
+    mending,
+    not_independent,
+    sentence,
+    validation_findings,
+    visit_findings,
+)
 from identification.fit.visits import visit_name
 from identification.measurements import Measurements
 from identification.model.cell import Cell
@@ -189,7 +196,7 @@ def fit_stiffness(
                             cell.tool_mass, cell.tool_centre, interval=draws.interval(0.95),
                             differs=figures["noise"]["setup_relative"], made_from=measurements.made_from)
     findings = (*measurements.findings, *_rejected(measurements.source, check), *mistaken,
-                *visit_findings(test, bad, measurements.source, _changed(whole, fitted)),
+                *kinds_apart(bad, whole.data), *visit_findings(test, bad, measurements.source, _changed(whole, fitted)),
                 *_findings(fitted, grades, conflicts), *moving_zero(fitted), *not_better,
                 *validation_findings(validation, measurements.source))
     return Fit(cell, measurements, model, fitted, residual, residual_std(every, fitted.components, np.exp(fitted.mean)),

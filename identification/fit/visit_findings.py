@@ -8,14 +8,18 @@ import numpy as np
 
 from identification.common.findings import Finding
 from identification.common.quantities import two_sigma
+from identification.fit.load_test import LoadTest
 from identification.fit.mending import WORTH_TELLING, BadVisit, Mend
 from identification.fit.noise_parts import MEMORY, SETUP, SetUp
 from identification.fit.posterior import Posterior
 from identification.fit.validation import Validation
 from identification.fit.visits import VisitScore, VisitTest
+from identification.model.gravity import fall_in_base
 
 # Rows are counted in words up to here.
 WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+# A load is plumb where it stands off the vertical by under this share of it.
+PLUMB = 0.02
 # How the forces of set-ups differ, and what to do about it.
 SET_UP_IN_WORDS = {
     SetUp.SIZED: ("larger or smaller", "zero the load cell unloaded at each pose, let it warm up, and load along its axis"),
@@ -69,6 +73,26 @@ def visit_findings(test: VisitTest, bad: tuple[BadVisit, ...], source: str, effe
                         "common cause")]
     return [Finding("CS1730", "warning", f"{sentence(one)}; {effect}", file=source, line=one.score.line, hint=mending(one))
             for one in bad]
+
+
+def kinds_apart(bad: Sequence[BadVisit], data: LoadTest) -> list[Finding]:
+    """A warning (CS1736) where all poses that do not fit are loaded sideways, two or more, and all others by what hangs, or the
+    other way round: no slips at single poses, but masses or forces in another unit."""
+    rows, fall = data.rows, fall_in_base(data.cell.world_from_base)
+    force = rows.wrench[:, :3]
+    size = np.linalg.norm(force, axis=1)
+    hangs = np.linalg.norm(np.cross(force, fall / np.linalg.norm(fall)), axis=1) < PLUMB * size
+    out = np.isin(rows.row, [number for one in bad for number in one.score.rows])
+    loaded = size > 0
+    for these, others, words, rest in ((~hangs, hangs, "loaded sideways", "hang"), (hangs, ~hangs, "loaded by what hangs",
+                                                                                    "are loaded sideways")):
+        if len(bad) > 1 and (loaded & others).any() and np.array_equal(loaded & these, loaded & out):
+            return [Finding(
+                "CS1736", "warning", f"all {len(bad)} poses that do not fit are {words}, and none of those that {rest}: one "
+                "kind of load contradicts the other", file=data.rows.source, line=bad[0].score.line,
+                hint="are mass_kg in kilograms (a pound is 0.4536) and fx_n fy_n fz_n in newtons (a kilogram-force is 9.81), "
+                "and is all that hangs weighed? The stiffnesses are those of one kind, and may be off by as much as its unit")]
+    return []
 
 
 def validation_findings(validation: Validation | None, source: str) -> list[Finding]:

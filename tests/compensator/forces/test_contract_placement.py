@@ -63,7 +63,8 @@ def test_by_target(tmp_path) -> None:
 
 @pytest.mark.parametrize(("header", "step", "lost", "said"), [
     ("path_mm", 0.1, (12.0, 18.5), ["6 mm"]), ("x_mm,y_mm,z_mm", 0.1, (12.0, 18.5), ["6 mm"]),
-    ("path_mm", 0.1, (12.0, 15.0), []), ("path_mm", 0.1, (27.0, 33.5), []), ("path_mm", 2.0, (12.1, 17.9), []), ("path_mm", 0.1, (99.0, 99.0), [])])
+    ("path_mm", 0.1, (12.0, 15.0), []), ("path_mm", 0.1, (27.0, 33.5), []),
+    ("path_mm", 2.0, (12.1, 17.9), []), ("path_mm", 0.1, (99.0, 99.0), [])])
 def test_a_stretch_of_a_cut_without_a_sample_is_told(
     tmp_path, header: str, step: float, lost: tuple[float, float], said: list[str]
 ) -> None:
