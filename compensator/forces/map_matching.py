@@ -67,6 +67,10 @@ def match_nearest_pass(points: Array, s: Array, samples: Array) -> tuple[Array, 
         later[behind:] = match_forwards(points, s, samples[behind:])
         if np.isfinite(later).sum() < FEWEST_OF_PASS * np.isfinite(found[:behind]).sum():
             break
+        if np.isfinite(found[:behind]).sum() < FEWEST_OF_PASS * np.isfinite(later).sum():
+            # No pass: a few samples at the beginning, where the path ends too.
+            best = found = later
+            continue
         passes += 1
         # Samples of a later pass come near the last move of this one.
         found[behind:] = np.nan

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator.forces.map_matching import _project_between, _Walk, match_forwards
+from compensator.forces.map_matching import _project_between, _Walk, match_forwards, match_nearest_pass
 from compensator.forces.path_segments import Segments
 from compensator.path.arc_length import arc_length, nearest_target, polyline
 from compensator.toolpath import Move
@@ -243,3 +243,18 @@ def test_between_two_keys_a_sample_is_found_two_segments_off_its_share_of_time(o
     samples = np.column_stack([place, np.full(13, 0.2e-3), 0 * place])
     found = _project_between(Segments(points, along), samples, 4, np.array([0, 20]), np.array([0.0, 20e-3]))
     assert found == pytest.approx(place, abs=1e-9)
+
+
+@pytest.mark.parametrize("aside_mm", [0.0, 1.0, 1.4])
+def test_a_few_samples_near_the_end_of_a_path_that_returns_are_no_pass(aside_mm: float) -> None:
+    """A program that ends where it begins, and the log of the one before, whose first samples lie nearer to the last move: it
+    goes along the path once, and nearly all of it lies there."""
+    plan = np.array([[0, 0, 50], [36, 0, 20], [36, 0, 0], [36, 100, 0], [160, 100, 0], [160, 20, 0], [0, 20, 0], [0, 20, 50],
+                     [0, 0, 50]]) / 1e3
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(plan, axis=0), axis=1))])
+    way = np.arange(0.0, length[-1], 2e-4)
+    for across in ([0, 1, 0], [-1, 1, 0]):
+        log = np.column_stack([np.interp(way, length, axis) for axis in (plan + 1e-3 * aside_mm * np.array(across)).T])
+        place, passes = match_nearest_pass(plan, length, log)
+        assert passes == 1
+        assert np.isfinite(place).mean() > 0.98

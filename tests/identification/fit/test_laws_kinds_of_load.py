@@ -24,7 +24,7 @@ SIDEWAYS = (6, 7)
 def test_one_kind_of_load_in_another_unit_is_said(
     tmp_path: Path, mass_factor: float, force_factor: float, slip: int | None, said: bool
 ) -> None:
-    """Masses written in pounds, pulls in kilograms-force; and a slip at a single pose of either kind, which is none of these."""
+    """Masses written in pounds, pulls in kilograms-force; and a slip at a single pose of either kind, which is neither."""
     rng = np.random.default_rng(1736)
     rows = ["pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,mass_kg,fx_n,fy_n,fz_n,dx_um,dy_um,dz_um"]
     for number, pose in enumerate(POSES):
