@@ -95,7 +95,7 @@ def read_stiffness(file: str | Path, cell: Cell) -> IdentifiedModel:
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> model = compstiff.read_stiffness("stiffness.json", cell)
     >>> [f"{k:.2e}" for k in model.stiffness[:2]]
-    ['1.55e+06', '4.01e+06']
+    ['1.55e+06', '4.00e+06']
     """
     name = str(file)
     content = _parse(file, name)
