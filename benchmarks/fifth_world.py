@@ -1,5 +1,5 @@
 """The fifth judge's load tests, each with one hidden cause or none: `python benchmarks/fifth_world.py N SEED FOLDER
-[CAUSE]`, which hides that cause in all of them.
+[CAUSE]`, which hides that cause, or `nothing`, in all of them.
 
 Its author knew the files' formats and neither the program's effects nor what other judges hide. A case is a folder with
 cell.yaml, measurements.csv and truth.json; a cause is sized to show by 4 to 30 sigma after six springs were fitted to it,
@@ -86,7 +86,8 @@ def written(one: Trial, table: dict[str, Array], sheet: dict[str, Any], truth: d
 
 def made(count: int, seed: int, folder: Path, only: str = "") -> Iterator[dict[str, Any]]:
     """Write the cases, one after the other; each has a generator of its own."""
-    causes = [cause for cause in CAUSES if cause.name == only] * count if only else deck(count, np.random.default_rng(seed))
+    wanted = [cause for cause in (*CAUSES, NOTHING) if cause.name == only]
+    causes = wanted * count if only else deck(count, np.random.default_rng(seed))
     for n, cause in enumerate(causes):
         rng = np.random.default_rng([seed, n])
         one, hidden, size, sigmas, _ = case(cause, rng)
