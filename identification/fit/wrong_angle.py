@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 # One pose of a hundred has an angle that is not the table's (engineering judgement): ln, of each of its six.
 RARE = -np.log(600.0)
 # ln of how much likelier a wrong angle must be than none, of a visit that is left out, and before it is fitted.
-SUPPORT, HOPEFUL = 7.0, 5.0
+SUPPORT, HOPEFUL = 5.0, 4.0
 # With it the visit must fit as chance has it so often, family-wise.
 FITS = 0.05
 # Only so many visits are fitted, the likeliest.

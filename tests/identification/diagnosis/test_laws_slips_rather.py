@@ -36,9 +36,12 @@ def test_an_angle_of_the_other_sign_is_the_poses(tmp_path: Path) -> None:
     assert bad.mends[0].what == "axis 4 is -137.158 in the table; 137.158 would fit"
 
 
-def test_a_bumped_sensor_stays_one(tmp_path: Path) -> None:
+def test_a_bumped_sensor_is_no_slip_of_the_pen(tmp_path: Path) -> None:
+    """Of a pose with one reading that may be the sensor or the pose: both are asked for, and none of its numbers is mended."""
     bump = {"dx_um": 97.0, "dy_um": 23.0, "dz_um": 91.0}
     found = diagnosed(tmp_path, 740103, 2, lambda row: row.update({k: f"{float(row[k]) + v}" for k, v in bump.items()}))
-    assert [cause.effect.name for cause in found.causes] == ["sensor_step"]
-    (suspect,) = found.judgement.suspects
-    assert (suspect.score.name, suspect.mends, found.judgement.bad_visits) == ("V2", (), ())
+    (bad,) = found.judgement.bad_visits
+    assert (bad.score.name, bad.score.wrong_angle, bad.mends) == ("V2", None, ())
+    (told,) = (finding for finding in found.findings if finding.code == "CS1730")
+    assert told.hint is not None
+    assert "was the tool or a sensor touched?" in told.hint
