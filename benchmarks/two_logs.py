@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.cut_direction import drawn
 from compensator.forces.log import ForceLog
-from compensator.forces.placement import TargetForces
+from compensator.forces.target_forces import TargetForces
 from compensator.forces.two_logs import compared
 from identification.common.findings import CompstiffError
 

@@ -22,7 +22,7 @@ from identification.model.cell_sizes import odd_sizes
 from identification.model.quaternion_order import in_words, said_of_order
 
 if TYPE_CHECKING:
-    from compensator.forces.placement import TargetForces
+    from compensator.forces.target_forces import TargetForces
     from compensator.path.robot_path import RobotPath
 
 # The distance between TCP and edge for which `push` states what the turn that is not sent costs; here nothing is sent.

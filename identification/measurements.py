@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.cells import MOST_COMPLAINTS
 from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MASS, MOMENTS, SIGMAS
 from identification.common.files import sha256
 from identification.common.findings import CompstiffError, Finding, error, fold
-from identification.common.tables import MOST_COMPLAINTS, Table, read_table
+from identification.common.tables import Table, read_table
 from identification.model.cell import Cell
 from identification.model.gravity import FREE_FALL, fall_in_base
 from identification.model.robot import RobotModel

@@ -25,7 +25,8 @@ from compensator.cutting.rows import ENOUGH, FEWEST, logged_rows
 from compensator.cutting.runout import missing_force
 from compensator.cutting.settings import CuttingSettings
 from compensator.cutting.stock_file import Blank, read_stock
-from compensator.forces.placement import ForceLog, TargetForces
+from compensator.forces.placement import ForceLog
+from compensator.forces.target_forces import TargetForces
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
 from identification.common.files import sha256

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.driven_axes import said_of_axes, unknown_axes
-from compensator.forces.placement import TargetForces
+from compensator.forces.target_forces import TargetForces
 from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Toolpath
 from identification.common.findings import CompstiffError, Finding, Refused

@@ -33,7 +33,7 @@ from compensator.correction.pass_offsets import PassOffsets
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction, predict_path
 from compensator.correction.slot_cut import Slots, slots
-from compensator.forces.placement import TargetForces
+from compensator.forces.target_forces import TargetForces
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import directions, rms
 from identification.common.findings import CompstiffError, Finding, Refused, counted

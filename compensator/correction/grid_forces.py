@@ -12,8 +12,9 @@ from compensator.correction.fine_grid import FULL, Grid
 from compensator.correction.force_changes import noise_of_one
 from compensator.correction.needed_targets import untouched, window_means, windows
 from compensator.correction.predict import Predicted
-from compensator.forces.placement import ForceLog, TargetForces, place_forces
+from compensator.forces.placement import ForceLog, place_forces
 from compensator.forces.program_time import moves_in_air
+from compensator.forces.target_forces import TargetForces
 from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Move

@@ -23,7 +23,7 @@ from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.needed_targets import SIGMAS, Wanted, needed_points
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
-from compensator.forces.placement import TargetForces
+from compensator.forces.target_forces import TargetForces
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import MoreMoves, Pose, RapidProgram, read_rapid, with_more_moves
 from compensator.toolpath import Move, Toolpath

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.forces.placement import TargetForces
+from compensator.forces.target_forces import TargetForces
 from compensator.learned.learned import Learned, Rest
 from compensator.path.robot_path import RobotPath
 from identification.model.inverse import nearest_angles

@@ -15,8 +15,9 @@ from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.pass_offsets import PassOffsets, offsets_of_pass
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
-from compensator.forces.placement import ForceLog, TargetForces
+from compensator.forces.placement import ForceLog
 from compensator.forces.program_time import moves_in_air
+from compensator.forces.target_forces import TargetForces
 from compensator.path.arc_length import borders
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array

@@ -20,7 +20,8 @@ from compensator.correction.taken_as_given import TakenAsGiven, taken_as_given
 from compensator.cutting.coefficients import read_coefficients
 from compensator.cutting.predicted_log import in_base, predicted_log
 from compensator.forces.marks import has_marks, placed_by_marks
-from compensator.forces.placement import ForceLog, TargetForces, place_forces, read_force_log
+from compensator.forces.placement import ForceLog, place_forces, read_force_log
+from compensator.forces.target_forces import TargetForces
 from compensator.forces.two_logs import compared
 from compensator.learned.learned import Learned
 from compensator.learned.learned_file import read_learned

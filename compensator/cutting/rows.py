@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from compensator.cutting.cut import Cut
 from compensator.cutting.posterior import ForceRows
-from compensator.forces.placement import TargetForces
+from compensator.forces.target_forces import TargetForces
 from identification.common.arrays import Array
 
 # So many such places tell something: forces drawn along one slot with errors that neighbours share by 0.7 leave its predicted

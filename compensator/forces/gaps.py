@@ -1,4 +1,5 @@
-"""Targets of a cut on which no sample of the log lies: a few between two with force take what lies between those, more stay."""
+"""Targets of a cut on which no sample of the log lies: a few between two with force take what lies between those, more stay
+and are said; so is a stretch between targets that the log leaves out."""
 
 from __future__ import annotations
 
@@ -8,9 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.forces.detection import GAP
+from compensator.forces.log import ForceLog
 from compensator.forces.program_time import moves_in_air
+from compensator.forces.target_forces import TargetForces, at_target, listed
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
+from identification.common.findings import Finding, Level, counted, verb
 
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -18,6 +22,8 @@ Mask = NDArray[np.bool_]
 SHARE = 0.25
 # A log leaves a stretch of a move out where no sample lies on so much of it [m], so many times the usual way between two.
 LEFT_OUT, TIMES = 5e-3, 20.0
+# A feed is for cutting where this share of the logged targets that are reached at it has a force.
+CUTS = 0.5
 # A median of absolute values of a normal distribution, in sigmas.
 MEDIAN = 0.6745
 
@@ -89,3 +95,64 @@ def _off_between(force: Array, known: Mask, away: int) -> Array:
     inside = known[2 * away:] & known[away:-away] & known[:-2 * away]
     off = force[away:-away] - 0.5 * (force[2 * away:] + force[:-2 * away])
     return np.asarray(np.median(np.abs(off[inside]), axis=0) / MEDIAN) if inside.any() else np.zeros(3)
+
+
+def said_of_gaps(log: ForceLog, path: RobotPath, forces: TargetForces, between: Indices) -> list[Finding]:
+    """Targets without a sample: those in short gaps of a cut, which are `between` (n,) others, and those that stay where they
+    are, which in the cut leaves a step."""
+    empty = forces.samples == 0
+    inside = np.flatnonzero(without_sample_in_cut(path, forces.samples, forces.forced))
+    level: Level = "warning" if 2 * empty.sum() > len(empty) else "note"
+    at_feed = ~moves_in_air(path.toolpath)
+    # A cut that is not in the log: where what the log has at the cutting feed has forces, that feed is for cutting.
+    missed = empty & at_feed
+    missed[between], missed[inside] = False, False
+    if log.predicted is not None or forces.forced[at_feed & ~empty].sum() < CUTS * (at_feed & ~empty).sum():
+        missed[:] = False
+    findings = []
+    if empty.sum() > len(between):
+        alone = "" if not missed.any() else (f", {int(missed.sum())} of them reached at the cutting feed, from line "
+                                             f"{path.toolpath.line[missed].min()} on")
+        hint = ("was a cut added to the program since, or does the log end before it?" if missed.any()
+                else "is it the log of this program?" if level == "warning" else "")
+        findings.append(Finding(
+            "CS3011", "warning" if missed.any() else level, f"{int(empty.sum()) - len(between)} of "
+            f"{counted(len(empty), 'target')} got no sample: left where planned{alone}",
+            file=log.source, hint=hint))
+    if len(between):
+        findings.append(Finding(
+            "CS3014", level, f"{counted(len(between), 'target')} of the cut without a sample {verb(len(between), 'take')} what "
+            f"lies between the forces on either side: {listed(between)}", **at_target(path, int(between[0])),
+            hint="log at a higher rate; what may lie between is in their sigma"))
+    if len(inside):
+        findings.append(Finding(
+            "CS3012", "warning", f"{counted(len(inside), 'target')} of the cut without a sample, beside targets with force: "
+            f"left where planned, with a step in the surface at either end: {listed(inside)}",
+            **at_target(path, int(inside[0])), hint="log at a higher rate, or check that the log covers the whole cut"))
+    return findings
+
+
+def said_of_left_out(log: ForceLog, path: RobotPath, forces: TargetForces, on: NDArray[np.bool_]) -> list[Finding]:
+    """Stretches of a cut without a sample between two targets that have some. on (M,): the log's rows on the path."""
+    if log.key != "path_mm" or log.spread is not None or log.predicted is not None or path.toolpath.driven is not None:
+        return []
+    to, lost = left_out(path, log.place[on])
+    known = (forces.samples[to] > 0) & (forces.samples[to - 1] > 0) & (forces.forced[to] | forces.forced[to - 1])
+    if not known.any():
+        return []
+    to, lost = to[known], lost[known]
+    worst = int(np.argmax(lost))
+    more = f", and less of {len(to) - 1} more" if len(to) > 1 else ""
+    return [Finding("CS3134", "warning", f"the log leaves out {1e3 * lost[worst]:.0f} mm of the move to this target, in the "
+                    f"cut{more}: there the force is taken to lie between those on either side",
+                    **at_target(path, int(to[worst])),
+                    hint="log the pass again where that matters: what the force did there is in no sigma")]
+
+
+def said_of_held(left: Indices, path: RobotPath) -> list[Finding]:
+    """The targets whose samples stood still and that have no others, and so no correction."""
+    if not len(left):
+        return []
+    return [Finding("CS3070", "warning", f"{counted(len(left), 'target')} left where planned, since the log stood still there: "
+                    f"{listed(left)}", **at_target(path, int(left[0])),
+                    hint="log the pass again; what stands in the log there is no force")]

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from statistics import NormalDist
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,8 @@ from compensator.forces.detection import SIGMAS, over_noise, over_scatter, witho
 from compensator.forces.driven_feed import said_of_clock, said_of_feed
 from compensator.forces.driven_moves import AsDriven, as_driven
 from compensator.forces.edges import at_edges
-from compensator.forces.gaps import filled, left_out, short_gaps, without_sample_in_cut
+from compensator.forces.gaps import filled, said_of_gaps, said_of_held, said_of_left_out, short_gaps
+from compensator.forces.in_air import drifted, said_of_air, said_of_trial
 from compensator.forces.late_forces import said_of_delay
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.misread_places import misread
@@ -26,64 +26,23 @@ from compensator.forces.ripple import said_of_teeth
 from compensator.forces.scatter import of_blocks
 from compensator.forces.swapped_columns import swapped_columns
 from compensator.forces.tare_check import Range
+from compensator.forces.target_forces import TargetForces, at_target
 from compensator.forces.target_rows import TargetRows
 from compensator.forces.turned_over import said_of_axial, said_of_mirror, said_of_moments
 from compensator.forces.zero import Zero, base_from_log, of_six, zero_of
 from compensator.path.robot_path import RobotPath
-from identification.common.arrays import Array, read_only
-from identification.common.findings import Finding, Level, counted, error, verb
+from identification.common.arrays import Array
+from identification.common.findings import Finding, counted, error
 from identification.model.cell import Cell
 from identification.model.cell_file import FrameKind
 from identification.model.quaternion_order import other_order
 from identification.model.rotations import Frame
 
-__all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
+__all__ = ["ForceLog", "place_forces", "read_force_log"]
 Indices = NDArray[np.intp]
-# So many stretches of targets are listed in a finding.
-MOST_LISTED = 6
-# A force in air under this [N], and under this share of the largest, is drift that is no more than worth a note.
-SMALL, SMALL_SHARE = 5.0, 0.05
-# A log shows no cut where under this share of the targets at the cutting feed, of so many at least, has a force, and one of
-# under so much in the middle [N].
-HARDLY_ANY, SOME, WEAK = 0.1, 50, 10.0
-# A feed is for cutting where this share of the logged targets that are reached at it has a force.
-CUTS = 0.5
 # Middles of sixteen equal shares of a normal distribution, of unit variance.
 SHIFTS = np.array([NormalDist().inv_cdf((k + 0.5) / 16) for k in range(16)])
 SHIFTS /= SHIFTS.std()
-
-
-@dataclass(frozen=True, eq=False)
-class TargetForces:
-    """One wrench a target: wrench (N, 6) [N, N m] on the tool at the TCP, base frame; samples (N,) behind each.
-
-    standard_error (N, 3) [N] of the mean force, base frame, by the samples' scatter (scatter.py); NaN under two samples.
-    forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
-    log: by path length; where it names targets without its rows, which nobody asks for again. unknown (N, 3, 3) [N^2], base
-    frame: covariance of forces that were predicted; follows (N, 3, 3) [N/m]: what those change by where the tool stands off
-    its plan. None where they were logged. held (k,): targets all of whose samples stood still (health.py), of which no force
-    is known. zero_std [N]: 1 sigma of each axis of the sensor's zero, as moves in the air beside the tare show it.
-    """
-
-    wrench: Array
-    samples: Indices
-    standard_error: Array
-    forced: NDArray[np.bool_]
-    tare: Array | None
-    findings: tuple[Finding, ...]
-    log: ForceLog
-    unknown: Array | None = None
-    follows: Array | None = None
-    held: Indices = field(default_factory=lambda: np.empty(0, dtype=np.intp))
-    zero_std: float = 0.0
-
-    @property
-    def named(self) -> bool:
-        """Whether the log gave the target of each sample."""
-        return self.log.key == "target"
-
-    def __post_init__(self) -> None:
-        read_only(self.wrench, self.samples, self.standard_error, self.forced)
 
 
 def place_forces(
@@ -134,16 +93,16 @@ def place_forces(
     with_gaps[between] = True
     forces = TargetForces(np.where(with_gaps[:, None], wrench, 0.0), samples, standard_error, with_gaps,
                           zero.bias, (), log.without_rows() if log.key == "target" else log,
-                          *_of_predicted(log, on, rows, forced), zero_std=_drifted(own_mean, path, rows, zero, forced))
+                          *_of_predicted(log, on, rows, forced), zero_std=drifted(own_mean, path, rows, zero, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
-                 *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces, between),
-                 *_left_out(log, path, forces, on),
-                 *_in_air(log, path, forces),
-                 *_driven_in_air(log, path, forces),
+                 *_weak(log, path, forces, target[on & log.saturated]), *said_of_gaps(log, path, forces, between),
+                 *said_of_left_out(log, path, forces, on),
+                 *said_of_air(log, path, forces),
+                 *said_of_trial(log, path, forces),
                  *(_said_of_time(driven, forced, float(log.weight[on].sum())) if log.predicted is None else ()),
                  *(_direction(log, path, cell, forced, wrench, mean) if log.predicted is None else ())]
     held = held[forces.samples[held] == 0]
-    return replace(forces, held=held, findings=(*log.findings, *findings, *_held(held, path)))
+    return replace(forces, held=held, findings=(*log.findings, *findings, *said_of_held(held, path)))
 
 
 def _said_of_time(driven: AsDriven, forced: NDArray[np.bool_], samples: float) -> list[Finding]:
@@ -165,24 +124,6 @@ def _without_held(log: ForceLog, path: RobotPath) -> tuple[ForceLog, Indices]:
                     hint="check the logger, and log the pass again")
     target = targets_of(log.rows(log.held), path)
     return log.rows(~log.held), np.unique(target[target >= 0])
-
-
-def _held(left: Indices, path: RobotPath) -> list[Finding]:
-    """The targets whose samples stood still and that have no others, and so no correction."""
-    if not len(left):
-        return []
-    return [Finding("CS3070", "warning", f"{counted(len(left), 'target')} left where planned, since the log stood still there: "
-                    f"{_listed(left)}", **_at(path, int(left[0])),
-                    hint="log the pass again; what stands in the log there is no force")]
-
-
-def _listed(targets: Indices) -> str:
-    """Targets (n,), ascending, as stretches."""
-    starts = targets[np.flatnonzero(np.diff(targets, prepend=-2) > 1)]
-    ends = targets[np.flatnonzero(np.diff(targets, append=targets[-1] + 2) > 1)]
-    runs = [f"{first} to {last}" if last > first else f"{first}" for first, last in zip(starts, ends, strict=True)]
-    more = f" and {len(runs) - MOST_LISTED} more" if len(runs) > MOST_LISTED else ""
-    return f"{', '.join(runs[:MOST_LISTED])}{more}"
 
 
 def _direction(
@@ -294,11 +235,6 @@ def axes_of_log(path: RobotPath, cell: Cell) -> dict[str, Array]:
     return {kind: base_from_log(path, replace(cell, force_log=replace(form, kind=kind))).rotation for kind in kinds}
 
 
-def _at(path: RobotPath, target: int) -> dict[str, Any]:
-    """Where a target stands, for a finding."""
-    return {"file": path.toolpath.source, "line": int(path.toolpath.line[target]), "target": int(target)}
-
-
 def _without_force(path: RobotPath, forces: TargetForces, mean: Array, zero: Zero) -> list[Finding]:
     """Targets whose mean (N, 6), though not zero, is not told apart from it."""
     silent = np.flatnonzero((forces.samples > 0) & ~forces.forced & np.any(mean != 0, axis=1))
@@ -306,7 +242,7 @@ def _without_force(path: RobotPath, forces: TargetForces, mean: Array, zero: Zer
         return []
     which = "that is not told apart from zero" if zero.noise is None else "within what the sensor shows in air"
     return [Finding("CS3009", "note", f"{counted(len(silent), 'target')} with a mean force {which} ({SIGMAS:g} sigma) taken "
-                    "as without force", **_at(path, silent[0]))]
+                    "as without force", **at_target(path, silent[0]))]
 
 
 def _weak(log: ForceLog, path: RobotPath, forces: TargetForces, saturated: Indices) -> list[Finding]:
@@ -315,122 +251,11 @@ def _weak(log: ForceLog, path: RobotPath, forces: TargetForces, saturated: Indic
     hurt = np.flatnonzero(np.bincount(saturated, minlength=len(forces.forced)).astype(bool) & forces.forced)
     if len(hurt):
         findings.append(Finding("CS3026", "warning", f"the force of {counted(len(hurt), 'target')} depends on saturated "
-                                "samples: it is larger than what is corrected for", **_at(path, hurt[0])))
+                                "samples: it is larger than what is corrected for", **at_target(path, hurt[0])))
     if log.rate and log.revolution:
         short = np.flatnonzero(forces.forced & (forces.samples < log.rate * log.revolution))
         if len(short):
             findings.append(Finding("CS3029", "note", f"{counted(len(short), 'target')} with force and less than one "
                                     "revolution of the spindle: the mean reaches into the neighbours' stretches",
-                                    **_at(path, short[0])))
+                                    **at_target(path, short[0])))
     return findings
-
-
-def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces, between: Indices) -> list[Finding]:
-    """Targets without a sample: those in short gaps of a cut, which are `between` (n,) others, and those that stay where they
-    are, which in the cut leaves a step."""
-    empty = forces.samples == 0
-    inside = np.flatnonzero(without_sample_in_cut(path, forces.samples, forces.forced))
-    level: Level = "warning" if 2 * empty.sum() > len(empty) else "note"
-    at_feed = ~moves_in_air(path.toolpath)
-    # A cut that is not in the log: where what the log has at the cutting feed has forces, that feed is for cutting.
-    missed = empty & at_feed
-    missed[between], missed[inside] = False, False
-    if log.predicted is not None or forces.forced[at_feed & ~empty].sum() < CUTS * (at_feed & ~empty).sum():
-        missed[:] = False
-    findings = []
-    if empty.sum() > len(between):
-        alone = "" if not missed.any() else (f", {int(missed.sum())} of them reached at the cutting feed, from line "
-                                             f"{path.toolpath.line[missed].min()} on")
-        hint = ("was a cut added to the program since, or does the log end before it?" if missed.any()
-                else "is it the log of this program?" if level == "warning" else "")
-        findings.append(Finding(
-            "CS3011", "warning" if missed.any() else level, f"{int(empty.sum()) - len(between)} of "
-            f"{counted(len(empty), 'target')} got no sample: left where planned{alone}",
-            file=log.source, hint=hint))
-    if len(between):
-        findings.append(Finding(
-            "CS3014", level, f"{counted(len(between), 'target')} of the cut without a sample {verb(len(between), 'take')} what "
-            f"lies between the forces on either side: {_listed(between)}", **_at(path, int(between[0])),
-            hint="log at a higher rate; what may lie between is in their sigma"))
-    if len(inside):
-        findings.append(Finding(
-            "CS3012", "warning", f"{counted(len(inside), 'target')} of the cut without a sample, beside targets with force: "
-            f"left where planned, with a step in the surface at either end: {_listed(inside)}", **_at(path, int(inside[0])),
-            hint="log at a higher rate, or check that the log covers the whole cut"))
-    return findings
-
-
-def _left_out(log: ForceLog, path: RobotPath, forces: TargetForces, on: NDArray[np.bool_]) -> list[Finding]:
-    """Stretches of a cut without a sample between two targets that have some. on (M,): the log's rows on the path."""
-    if log.key != "path_mm" or log.spread is not None or log.predicted is not None or path.toolpath.driven is not None:
-        return []
-    to, lost = left_out(path, log.place[on])
-    known = (forces.samples[to] > 0) & (forces.samples[to - 1] > 0) & (forces.forced[to] | forces.forced[to - 1])
-    if not known.any():
-        return []
-    to, lost = to[known], lost[known]
-    worst = int(np.argmax(lost))
-    more = f", and less of {len(to) - 1} more" if len(to) > 1 else ""
-    return [Finding("CS3134", "warning", f"the log leaves out {1e3 * lost[worst]:.0f} mm of the move to this target, in the "
-                    f"cut{more}: there the force is taken to lie between those on either side", **_at(path, int(to[worst])),
-                    hint="log the pass again where that matters: what the force did there is in no sigma")]
-
-
-def _drifted(mean: Array, path: RobotPath, rows: TargetRows, zero: Zero, forced: NDArray[np.bool_]) -> float:
-    """1 sigma [N] of each axis of the sensor's zero after a tare, over the time of the program: what the mean loads (N, 6) of
-    moves at the air feed show beyond their noise, and between them evenly; those that cut all the same are not asked. 0 without
-    a tare, or where that is no drift."""
-    in_air = moves_in_air(path.toolpath)
-    air = np.flatnonzero(in_air & np.append(in_air[1:], True) & (rows.samples > 0))
-    if zero.bias is None or zero.noise is None or not len(air):
-        return 0.0
-    force = np.linalg.norm(mean[:, :3], axis=1)
-    size = force[air]
-    small = min(SMALL, SMALL_SHARE * float(force[forced].max(initial=0.0)))
-    if np.median(size) > small:
-        return 0.0
-    # A drift of that middle is at most twice as much anywhere; more is a touch, or a cut that is driven with MoveJ.
-    calm = size <= 2 * small
-    air, size = air[calm], size[calm]
-    noise = np.sum(zero.noise[:3] ** 2) / rows.samples[air]
-    drift = np.sqrt(np.maximum(size**2 - noise, 0.0))
-    # Samples are time.
-    time = np.cumsum(rows.samples)
-    return float(np.sqrt(np.average(np.interp(time, time[air], drift) ** 2, weights=np.maximum(rows.samples, 1e-9)) / 3))
-
-
-def _driven_in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:
-    """A pass that cut next to nothing: a trial run above the part."""
-    cuts = ~moves_in_air(path.toolpath) & (forces.samples > 0)
-    forced = cuts & forces.forced
-    size = float(np.median(np.linalg.norm(forces.wrench[forced, :3], axis=1))) if forced.any() else 0.0
-    if log.predicted is not None or cuts.sum() < SOME or forced.sum() > HARDLY_ANY * cuts.sum() or size > WEAK:
-        return []
-    return [Finding("CS3077", "warning", f"of {cuts.sum()} targets at the cutting feed {int(forced.sum()) or 'none'} with a "
-                    f"force{f', {size:.1f} N in the middle' if forced.any() else ''}: was this pass driven in the air?",
-                    file=log.source, hint="correct needs the log of a pass that cuts; right where it only grazes the part")]
-
-
-def _in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:
-    """Where moves at the air feed show a force it is likely the sensor's bias, or what that has become."""
-    in_air = moves_in_air(path.toolpath)
-    # The stretch of a target reaches into the move behind it, which may cut.
-    air = np.flatnonzero(in_air & np.append(in_air[1:], True) & (forces.samples > 0))
-    where = "at the air feed"
-    if not in_air.any() and forces.tare is None and forces.forced.all():
-        # At one feed everywhere a program still begins and ends in the air.
-        air, where = np.unique([0, len(path.toolpath) - 1]), "to the first and the last target"
-    touched = air[forces.forced[air]]
-    if 2 * len(touched) <= len(air):
-        return []
-    size = np.linalg.norm(forces.wrench[touched, :3], axis=1)
-    why = "no bias was taken off"
-    hint = "name targets in the air with --tare FIRST:LAST, or state force_log.bias_n in cell.yaml"
-    if forces.tare is not None:
-        why = "the bias that was taken off is not theirs"
-        hint = "does the sensor's zero drift, or does a payload turn whose mass cell.yaml does not state?"
-    small = np.median(size) < min(SMALL, SMALL_SHARE * float(np.linalg.norm(forces.wrench[:, :3], axis=1).max()))
-    return [Finding("CS3041", "note" if small else "warning", f"{len(touched)} of {counted(len(air), 'move')} {where} "
-                    f"{verb(len(touched), 'show')} a force, {np.median(size):.1f} N in the middle, and "
-                    f"{verb(len(touched), 'are')} moved with the others: {why}",
-                    file=log.source, line=None, target=int(touched[0]), hint=hint)]

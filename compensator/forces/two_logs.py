@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.forces.placement import TargetForces
+from compensator.forces.target_forces import TargetForces
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, Refused, counted

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import Array
 from identification.common.arrow import arrow_csv, floats_of
+from identification.common.cells import decoded, holds_cells, opened, parquet_complaints, with_decimal_points
 from identification.common.findings import error
 from identification.common.sizes import LARGEST_CELL
 from identification.common.table_layout import BLANKS, Layout, cells_of
-from identification.common.tables import as_numbers, decoded, holds_cells, opened, parquet_complaints, with_decimal_points
+from identification.common.tables import as_numbers
 
 Indices = NDArray[np.intp]
 BLOCK_BYTES = 1 << 20

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from identification.common.cells import check_unique, decoded, holds_cells, opened
 from identification.common.findings import CompstiffError, error
-from identification.common.tables import check_unique, decoded, holds_cells, opened
 
 HEAD_BYTES = 1 << 20
 MOST_LINES_ABOVE = 200

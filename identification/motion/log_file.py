@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.cells import opened
 from identification.common.files import sha256
 from identification.common.findings import CompstiffError, Finding, counted, error
-from identification.common.tables import opened, read_table
+from identification.common.tables import read_table
 from identification.model.joint_log import JointLog
 
 Array = NDArray[np.float64]

@@ -22,7 +22,7 @@ from compensator.correction.grid_forces import forces_on
 from compensator.correction.grid_path import asks_for_all, grid_path
 from compensator.correction.needed_targets import Wanted, beyond_noise, needed_points, window_means, windows
 from compensator.correction.settings import Estimate, Settings
-from compensator.forces.placement import TargetForces
+from compensator.forces.target_forces import TargetForces
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3
 from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation

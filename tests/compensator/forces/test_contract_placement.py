@@ -14,7 +14,8 @@ from compensator.correction.files import Inputs, predict_files
 from compensator.correction.predict import _without_zero
 from compensator.correction.settings import Settings
 from compensator.forces.log_path import on_path
-from compensator.forces.placement import TargetForces, _without_force, place_forces, read_force_log
+from compensator.forces.placement import _without_force, place_forces, read_force_log
+from compensator.forces.target_forces import TargetForces
 from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import zero_of
 from compensator.path.arc_length import nearest_target

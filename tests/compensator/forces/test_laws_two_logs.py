@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compensator.forces.placement import TargetForces, place_forces, read_force_log
+from compensator.forces.placement import place_forces, read_force_log
+from compensator.forces.target_forces import TargetForces
 from compensator.forces.two_logs import _more, compared
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
