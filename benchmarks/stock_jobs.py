@@ -3,9 +3,9 @@
     python benchmarks/stock_jobs.py N SEED FOLDER
 
 writes N job folders: robot, load tests, cell.yaml, A with stock and force log, B with its stock (a block, an STL, or what an
-earlier program C left), `commands.txt` as the documentation has it, `truth.json` for stock_judge.py alone. In a third of the
-jobs one thing is not as the files say, as shops have it. Nothing of the program is imported; forces are those of stock_cut.py
-at the place where the yielding tool stands.
+earlier program C left) and, for comparison, a log of its own first pass, `commands.txt` as the documentation has it,
+`truth.json` for stock_judge.py alone. In a third of the jobs one thing is not as the files say, as shops have it. Nothing of
+the program is imported; forces are those of stock_cut.py at the place where the yielding tool stands.
 """
 
 import itertools
@@ -339,7 +339,14 @@ def make(seed: int, n: int, folder: pathlib.Path) -> None:
             low = min(float(s["place"][2]) for s in ways[k].steps)
             stock_files(rng, name, stocks[k], folder, std, math.floor(low) - 10.0)
         cell = {x: getattr(cutters[k], x) for x in ("diameter", "corner", "teeth", "flute")} | {"rpm": rpms[k]}
-        if k == "B":
+        if k == "B":                                                   # a log of its own pass, for the judge's comparison
+            path = fine(driven, real[k])
+            cut = milled(world, path, real[k], real_stock.get(k, real_stock.get("C")), real_rpm[k], earlier)
+            form = "place" if styles[k] in ("array", "routine") and form == "target" else form
+            text, force = log_of(np.random.default_rng([seed, n, 1]), truth | {"log": truth["log"] | {"form": form}}, world,
+                                 driven, path, cut, real_rpm[k], cutters[k].teeth)
+            (folder / f"{name}.forces.csv").write_text(text, encoding="utf-8")
+            (folder / "cell_b.yaml").write_text(cell_text(truth, force, cell), encoding="utf-8")
             continue
         path = fine(driven, real[k])
         cut = milled(world, path, real[k], real_stock[k], real_rpm[k])

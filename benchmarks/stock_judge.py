@@ -1,10 +1,12 @@
 """Do what the documentation says with the jobs of stock_jobs.py, and measure what becomes of the first part.
 
-    python benchmarks/stock_judge.py FOLDER [JOB ...]
+    python benchmarks/stock_judge.py [--table | --own] FOLDER [JOB ...]
 
-Each job's commands.txt is run as it stands; then B as planned and B as corrected are driven by the true arm through the true
-stock, where the tool cuts what it meets where it really stands. Distances are across the planned curve, where the planned tool
-cuts. Stated sigma is `left_um` of offsets.csv. `judged.json` of each job has the figures.
+Each job's commands.txt is run as it stands (--table: with the coefficients of the table in place of those of A's log; --own:
+B is corrected by a log of its own first pass, as in a shop that knows no stock); then B as planned and B as corrected are
+driven by the true arm through the true stock, where the tool cuts what it meets where it really stands. Distances are across
+the planned curve, where the planned tool cuts. Stated sigma is `left_um` of offsets.csv. `judged.json` of each job has the
+figures.
 """
 
 import csv
@@ -127,7 +129,20 @@ def forces(folder: pathlib.Path, world: World, at: dict[int, float], path: Path,
     return result
 
 
-def judge(folder: pathlib.Path) -> dict:
+def commands(folder: pathlib.Path, forces_from: str) -> list[str]:
+    """The lines to run: those of commands.txt, or what they would be with the table, or a log of B's own pass."""
+    lines = (folder / "commands.txt").read_text().splitlines()
+    if forces_from == "table":
+        bare = "compstiff cutting cell.yaml part_a.mod -o cutting.json"
+        return [bare if line.endswith("-o cutting.json") else line for line in lines]
+    if forces_from == "own":
+        lines = [line for line in lines if " cutting " not in line and " predict " not in line]
+        lines[-1] = re.sub(r"--predict-force \S+ --stock \S+", "--forces part_b.forces.csv --tare 0:1", lines[-1]).replace(
+            "cell.yaml", "cell_b.yaml")
+    return lines
+
+
+def judge(folder: pathlib.Path, forces_from: str = "log") -> dict:
     begin = spent()
     truth = json.loads((folder / "truth.json").read_text())
     result: dict = {"job": folder.name, "shape": truth["shape"], "shape_a": truth["shape_a"], "hidden": truth["hidden"],
@@ -136,7 +151,7 @@ def judge(folder: pathlib.Path) -> dict:
         old.unlink(missing_ok=True)
     (folder / "out").mkdir(exist_ok=True)
     extended = False
-    for line in (folder / "commands.txt").read_text().splitlines():
+    for line in commands(folder, forces_from):
         words = line.replace("stiffness.json", "stiffness_extended.json") if extended and " identify " not in line else line
         done = run(folder, words)
         if any(f["code"] == "CS1022" for f in done["findings"]) and not extended:      # what the refusal and the FAQ say to do
@@ -255,10 +270,12 @@ def summary(all_of: list[dict]) -> str:
 
 
 if __name__ == "__main__":
-    root = pathlib.Path(sys.argv[1])
+    source = next((word[2:] for word in sys.argv[1:] if word in ("--table", "--own")), "log")
+    where, *jobs = [word for word in sys.argv[1:] if not word.startswith("--")]
+    root = pathlib.Path(where)
     print(HEAD)
     results = []
-    for job in sys.argv[2:] or sorted(p.name for p in root.iterdir() if p.is_dir()):
-        results.append(judge(root / job))
+    for job in jobs or sorted(p.name for p in root.iterdir() if p.is_dir()):
+        results.append(judge(root / job, source))
         print(line_of(results[-1]), flush=True)
     print(summary(results))
