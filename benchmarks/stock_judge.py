@@ -200,10 +200,13 @@ def judge(folder: pathlib.Path, forces_from: str = "log") -> dict:
         cuts1 = np.interp(s1, path.s, cuts.astype(float)) > 0.5
         rows = [r for r in rows_of(folder / "offsets.csv") if int(r["target"]) in at]
         where = np.array([at[int(r["target"])] for r in rows])
-        sigma = np.array([number(r, "left_um")[0] for r in rows])
+        sigma, before_it = np.array([number(r, "left_um")[0] for r in rows]), np.append(where[:1], where[:-1])
+        added = [(a + float(share) * (b - a), float(left)) for a, b, r in zip(before_it, where, rows, strict=True)
+                 for share, left in zip(r["added"].split(), r["added_left_um"].split(), strict=True)]
+        where_said, sigma = np.append(where, [p for p, _ in added]), np.append(sigma, [v for _, v in added])
         kept = np.isfinite(sigma)
-        order = np.argsort(where[kept])
-        stated = np.interp(s1, where[kept][order], sigma[kept][order]) if kept.any() else np.full(len(s1), np.nan)
+        order = np.argsort(where_said[kept])
+        stated = np.interp(s1, where_said[kept][order], sigma[kept][order]) if kept.any() else np.full(len(s1), np.nan)
         gain = np.interp(s1, s0, d0)
         worse = cuts1 & (d1 - gain > 2 * np.maximum(stated, 0.5))
         notes: dict[str, int] = {}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from compensator.correction.correct import Corrected
 from compensator.correction.predict import Predicted
 from compensator.forces.gaps import without_sample_in_cut
-from identification.common.added_targets import ADDED, ADDED_MM, added_mm_text, added_text
+from identification.common.added_targets import ADDED, ADDED_LEFT, ADDED_MM, added_numbers, added_text
 from identification.common.arrow import arrow_csv, number_column, text_column
 
 Array = NDArray[np.float64]
@@ -49,12 +49,13 @@ def offset_blocks(corrected: Corrected) -> Iterator[bytes]:
     silent = np.setdiff1d(corrected.planned.targets, at)
     unknown = _held(corrected.planned)
     unknown[silent] = True
-    every = np.zeros((len(corrected.predicted.path.toolpath), 3))
-    every[correction.targets] = 1e3 * correction.offset
+    every = np.zeros((len(corrected.predicted.path.toolpath), 4))
+    every[correction.targets] = np.column_stack([1e3 * correction.offset, 1e6 * left.std])
     return _blocks(corrected.planned, [_Columns("ox_mm oy_mm oz_mm", correction.offset, 6, 1e3, at, own),
                                        _Columns("orx_deg ory_deg orz_deg", correction.turn, 8, np.degrees(1.0), at, own)],
                    [_Columns("left_um cut_um", np.column_stack([left.std, left.cut]), 4, 1e6, at, own, unknown)],
-                   {ADDED: added_text(kept, corrected.predicted.path.length), ADDED_MM: added_mm_text(kept, every)}, silent)
+                   {ADDED: added_text(kept, corrected.predicted.path.length), ADDED_MM: added_numbers(kept, every[:, :3], 6),
+                    ADDED_LEFT: added_numbers(kept, every[:, 3:], 4)}, silent)
 
 
 def deviation_csv(predicted: Predicted) -> bytes:

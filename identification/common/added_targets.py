@@ -1,8 +1,8 @@
-"""The targets that `correct` added, as offsets.csv tells of them in its columns `added` and `added_mm`.
+"""The targets that `correct` added, as offsets.csv tells of them in its columns `added`, `added_mm`, `added_left_um`.
 
-They have, in the row of a target as given, the shares of the move to it at which others were added before it, and the offsets
-of these, three numbers each. The written program counts them too: behind the first of them a number names another target than
-in the planned program.
+They have, in the row of a target as given, the shares of the move to it at which others were added before it, the offsets of
+these, three numbers each, and 1 sigma of what is expected to be left there. The written program counts them too: behind the
+first of them a number names another target than in the planned program.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from identification.common.tables import Table
 
 Indices = NDArray[np.intp]
-ADDED, ADDED_MM = "added", "added_mm"
+ADDED, ADDED_MM, ADDED_LEFT = "added", "added_mm", "added_left_um"
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +66,13 @@ def added_text(kept: Indices, length: Array) -> NDArray[np.object_]:
     return text
 
 
-def added_mm_text(kept: Indices, offset: Array) -> NDArray[np.object_]:
-    """The column ADDED_MM for targets as given at the places kept (N,) of a program whose targets have offsets (W, 3) [mm]."""
+def added_numbers(kept: Indices, values: Array, decimals: int) -> NDArray[np.object_]:
+    """A column for targets as given at the places kept (N,) of a program: the values (W, k) of those that were added before
+    each, to so many decimals, one target's after another's."""
     text = np.full(len(kept), "", dtype=object)
     for target in np.flatnonzero(np.diff(kept, prepend=-1) > 1):
         before = kept[target - 1] if target else -1
-        text[target] = " ".join(f"{value:.6f}" for value in (offset[before + 1:kept[target]] + 0.0).ravel())
+        text[target] = " ".join(f"{value:.{decimals}f}" for value in (values[before + 1:kept[target]] + 0.0).ravel())
     return text
 
 

@@ -121,7 +121,7 @@ def separation(trial: Measurements, rivals: Rivals) -> Separation:
         columns = noise.whitening @ columns
         shape = (count, -1, columns.shape[2])
         grams.append(np.swapaxes(columns.reshape(shape), 1, 2) @ weights.apply(columns).reshape(shape))
-        covariance = [2 * np.linalg.inv(models[k].covariance) for k in (a, b)]
+        covariance = [2 * np.linalg.inv(models[k].quick_covariance) for k in (a, b)]
         count_a, count_b = (len(matrix) for matrix in covariance)
         both = np.zeros((count_a + count_b, count_a + count_b))
         both[:count_a, :count_a], both[count_a:, count_a:] = covariance

@@ -38,7 +38,7 @@ from identification.fit.optional_parts import Way, asked_for, averaged_trials
 from identification.fit.priors import PriorModel
 from identification.fit.sag import BesideWeight, sag_columns
 from identification.fit.student import DEGREES
-from identification.fit.variance_components import ComponentPosterior, Trials, likeliest, log_covariance
+from identification.fit.variance_components import ComponentPosterior, Trials, integrated_out, likeliest, log_covariance
 from identification.model.compliance import regressor
 from identification.model.effects_in_force import EFFECTS, SPRINGS, split
 from identification.model.load_state import LoadState
@@ -113,6 +113,15 @@ class Posterior:
     def laplace(self) -> Array:
         """Inverse curvature (6 + P, 6 + P) at the MAP (paper eq. 13, in x)."""
         curvature = shrunk(self.information, self.components.degrees) + self.prior.precision(self.map)
+        return _read_only(np.asarray(np.linalg.inv(curvature), dtype=float))
+
+    @cached_property
+    def quick_covariance(self) -> Array:
+        """Covariance (6 + P, 6 + P) of x by the curvature at the MAP, the arm's unknown weight free beside it: `covariance` but
+        for what is open of the noise, and a hundredth of its work."""
+        columns = np.concatenate([self.beside, self.at_map.design], axis=2)
+        information = integrated_out(self.weights.inner(columns, columns)[None], self.beside.shape[2])[0][0]
+        curvature = shrunk(information, self.components.degrees) + self.prior.precision(self.map)
         return _read_only(np.asarray(np.linalg.inv(curvature), dtype=float))
 
     @cached_property
@@ -225,10 +234,12 @@ def posterior(
     components = VarianceComponents() if near is None else near.components.of_the_usual_parts()
     row_weight = np.ones(len(rows))
     further = Way((), SetUp.TURNED)
+    at = model.linearised(model.noise(x), row_weight, x)
     for number in range(MAX_ROUNDS):
         before, last_weight = components, row_weight
         noise = model.noise(x).with_parts(*further.parts, set_up=further.set_up)
-        at = model.linearised(noise, row_weight, x)
+        # On the way a last small step leaves the design as it is; at the end it is worked out where the MAP is.
+        at = replace(at, noise=noise, row_weight=row_weight)
         components = likeliest(ComponentPosterior(at), components)
         if number == 1 and not usual_noise:
             # Near enough to the MAP to see whether the rows ask for more than they usually do.

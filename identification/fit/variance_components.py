@@ -24,8 +24,8 @@ NOISE_ROWS = 6000
 STRETCH = 32
 # Newton steps of the search, and their ends.
 MAX_STEPS, LONGEST, ENOUGH = 12, 1.5, 2e-3
-# The curvature changes slowly and costs four gradients.
-CURVATURE_EVERY = 4
+# Of a step that is too long, and of one that is not long enough.
+SHORTER = (2.0, 0.5, 0.2, 0.05)
 # Of the differences by which slopes are taken, in ln of a component.
 STEP = 0.1
 # Components that are tried for the posterior: so many, fewer where each costs many rows.
@@ -114,32 +114,39 @@ def likeliest(posterior: ComponentPosterior, components: VarianceComponents) -> 
     free = np.flatnonzero(posterior.noise.active)
     logs = components.logs
     logs[free] = np.maximum(logs[free], -3.0)
-    for number in range(MAX_STEPS):
-        if number % CURVATURE_EVERY == 0:
-            value, gradient, hessian = _slopes(posterior, logs, free)
-            eigenvalues, vectors = np.linalg.eigh(hessian)
-        else:
-            gradient = _gradient(posterior, logs, free)
-        step = vectors @ ((vectors.T @ gradient) / np.maximum(np.abs(eigenvalues), 0.3))
+    value, gradient, hessian = _slopes(posterior, logs, free)
+    for _ in range(MAX_STEPS):
+        eigenvalues, vectors = np.linalg.eigh(hessian)
+        curvature = np.maximum(np.abs(eigenvalues), 0.3)
+        step = vectors @ ((vectors.T @ gradient) / curvature)
         step *= min(1.0, LONGEST / max(float(np.linalg.norm(step)), 1e-300))
-        trials = np.repeat(logs[None], 5, axis=0)
-        trials[:, free] += np.multiply.outer([2.0, 1.0, 0.5, 0.2, 0.05], step)
-        trials = np.clip(trials, SMALLEST_LOG, LARGEST_LOG)
-        tried = posterior(trials)[0]
-        best = int(np.argmax(tried))
-        if tried[best] < value + ENOUGH:
+        ahead = _moved(logs, free, step)
+        moved = (ahead - logs)[free]
+        expected = float(gradient @ moved - 0.5 * np.sum(curvature * (vectors.T @ moved) ** 2))
+        if expected < ENOUGH:
+            logs = ahead
             break
-        logs, value = trials[best], float(tried[best])
+        # A step that goes well is the next place: its slopes come with its value.
+        reached = _slopes(posterior, ahead, free)
+        if reached[0] < value + 0.25 * expected:
+            shorter = np.array([_moved(logs, free, share * step) for share in SHORTER])
+            tried = posterior(shorter)[0]
+            best = int(np.argmax(tried))
+            if max(tried[best], reached[0]) < value + ENOUGH:
+                break
+            if tried[best] > reached[0]:
+                ahead, reached = shorter[best], _slopes(posterior, shorter[best], free)
+        logs, (value, gradient, hessian) = ahead, reached
     fitted = components.with_logs(logs)
     return replace(fitted, **{PARTS[part]: getattr(components, PARTS[part]) for part in np.flatnonzero(~np.array(
         posterior.noise.active))})
 
 
-def _gradient(posterior: ComponentPosterior, logs: Array, free: NDArray[np.intp]) -> Array:
-    """Of ln posterior (f,) by the free logarithms, by differences."""
-    unit = STEP * np.eye(len(logs))[free]
-    ahead, behind = np.split(posterior(logs + np.concatenate([unit, -unit]))[0], 2)
-    return np.asarray((ahead - behind) / (2 * STEP))
+def _moved(logs: Array, free: NDArray[np.intp], step: Array) -> Array:
+    """Logarithms (6,) of which the free ones are a step (f,) further, within their bounds."""
+    ahead = logs.copy()
+    ahead[free] += step
+    return np.clip(ahead, SMALLEST_LOG, LARGEST_LOG)
 
 
 def _slopes(posterior: ComponentPosterior, logs: Array, free: NDArray[np.intp]) -> tuple[float, Array, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 from pathlib import Path
 
@@ -71,6 +72,16 @@ def test_the_column_says_where_the_written_targets_stand(job: MillingJob, found:
     assert np.allclose(found.part.target_mm[added.number], job.part.target_mm, atol=1e-9)
     assert np.allclose(job.part.target_mm[:added.first], found.part.target_mm[:added.first], atol=1e-9)
     assert not np.allclose(job.part.target_mm[added.first], found.part.target_mm[added.first], atol=1e-3)
+
+
+def test_each_added_target_has_its_sigma(found: Correction, offsets: Path) -> None:
+    """Each in its place among those of the program as given, as the correction states them."""
+    rows = list(csv.DictReader(offsets.read_text().splitlines()))
+    written = [float(word) for row in rows for word in (*row["added_left_um"].split(), row["left_um"] or "0")]
+    assert len(written) == len(found.left_um) > len(rows) + 10
+    kept = [row["left_um"] != "" for row in rows for _ in (*row["added"].split(), "")]
+    assert np.allclose(np.array(written)[kept], found.left_um[kept], atol=1e-3)
+    assert np.count_nonzero(found.left_um) > len(rows) / 2
 
 
 @pytest.mark.parametrize("ahead", [pytest.param(False, marks=pytest.mark.long), True])
@@ -158,9 +169,9 @@ def test_push_says_what_it_does_not_send(job: MillingJob, found: Correction, off
     assert said["level"] == ("warning" if len(moves) > corrected / 4 else "note")
     few = tmp_path / "few.csv"
     left = set(moves[:2].tolist())
-    few.write_text("\n".join([lines[0], *(",".join([*row[:-2], *(row[-2:] if k in left else ('""', '""'))])
+    few.write_text("\n".join([lines[0], *(",".join([*row[:-3], *(row[-3:] if k in left else ('""', '""', '""'))])
                                           for k, row in enumerate(rows))]) + "\n")
-    assert names[-2:] == ["added", "added_mm"]
+    assert names[-3:] == ["added", "added_mm", "added_left_um"]
     (said,) = [one for one in kit.run("push", job.cell, few, "--program", job.program, "--json").json["findings"]
                if one["code"] == "CS5008"]
     assert (said["level"], said["message"].split(" of")[0]) == ("note", "in 2")
