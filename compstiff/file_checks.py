@@ -258,7 +258,10 @@ def _cutting(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fin
     if cell.cutting.tool_diameter_mm and cell.cutting.teeth:
         check_same(coefficients, cutter_of(cell), cell.cutting.material, str(cell.source))
     of = f" in {coefficients.material.replace('_', ' ')}" if coefficients.material else ""
-    return f"{coefficients.cutter.words()}{of}, Ktc {1e-6 * coefficients.mean[0]:.0f} N/mm^2", ()
+    doubt = () if not coefficients.rejected else (
+        Finding("CS4752", "warning", coefficients.rejection, file=str(file),
+                hint="predict and correct refuse them: fit them again"),)
+    return f"{coefficients.cutter.words()}{of}, Ktc {1e-6 * coefficients.mean[0]:.0f} N/mm^2", doubt
 
 
 def _stock(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:

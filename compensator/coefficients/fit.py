@@ -52,6 +52,8 @@ OF_TABLE, AS_OF = (0.35, 2.5), (0.6, 1.6)
 # A stock stands aside by no more than so many of its standard deviations: three directions do by chance in under one of a
 # hundred programs.
 MOST_ASIDE = 3.0
+# What is said of coefficients that are none: `predict` refuses them.
+REJECTED = ("CS4734", "CS4745", "CS4751")
 
 
 def cutting_coefficients(
@@ -93,22 +95,19 @@ def cutting_coefficients(
     seat = np.radians(cell.force_log.form.mounting_std_deg or 0.0)
     turned = seat * np.einsum("kni,ani->ka", found.gain, np.cross(np.eye(3)[:, None], rows.force))
     taken = np.einsum("kni,ni->k", found.gain, missing_force(cut, found.mean)[used])
+    covered = found.covariance + gain**2 * np.outer(found.mean, found.mean) + turned @ turned.T + np.outer(taken, taken)
+    top, source = by_top(cut, found.mean), predicted.forces.log.source
+    said = [*said_of_the_fit(found.mean, found.aside, cut.left.position_std, placed, used),
+            *said_of_the_forces(rows, found, source), *said_of_the_top(top, used, rows, found, (mean, covariance), source)]
     coefficients = Coefficients(
-        found.mean.copy(),
-        found.covariance + gain**2 * np.outer(found.mean, found.mean) + turned @ turned.T + np.outer(taken, taken),
-        found.model_error, cut.cutter,
-        material,
-        _chips(cut),
-        {"from": "log", "spindle_rpm": 60 / cut.revolution, "made_from": _made_from(cell, program, blank.source, forces)})
+        found.mean.copy(), covered, found.model_error, cut.cutter, material, _chips(cut),
+        {"from": "log", "spindle_rpm": 60 / cut.revolution, "made_from": _made_from(cell, program, blank.source, forces)},
+        rejected="; ".join(finding.message for finding in said if finding.code in REJECTED))
     depth = float(np.median(cut.engagement.depth[cut.engagement.cuts]))
     noise = float(np.hypot(found.floor, 0.5))
     further = next_cut(coefficients.mean, found.covariance, cut.cutter, depth, float(np.median(chip)), noise)
-    top = by_top(cut, found.mean)
-    said = said_of_the_fit(found.mean, found.aside, cut.left.position_std, placed, used)
     findings = (*predicted.findings, *driven_as_said(predicted), *cut.findings(), *assumed, *said,
-                *said_of_the_forces(rows, found, predicted.forces.log.source),
-                *said_of_the_top(top, used, rows, found, (mean, covariance), predicted.forces.log.source),
-                *said_of_the_material(found, material, float(np.median(chip)), predicted.forces.log.source))
+                *said_of_the_material(found, material, float(np.median(chip)), source))
     of_table = share_of_table(found, material, float(np.median(chip)))
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings, of_table,
                               too_large(top, used, found))

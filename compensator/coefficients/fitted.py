@@ -73,6 +73,8 @@ class FittedCoefficients:
             lines.append(f"fit: {len(self.posterior.residual)} targets, residual {rms(self.posterior.residual):.2f} N RMS; "
                          f"what the model leaves at a place: {100 * self.coefficients.model_error:.1f} % of the force; "
                          f"neighbours remember each other over {self.posterior.memory:.0f} targets")
+        if self.coefficients.rejected:
+            lines.append("predict and correct refuse these coefficients: their own log rejects them (above)")
         if self.higher is not None:
             lines.append("were the top of the stock 1 mm higher than in its file, Ktc would be "
                          f"{100 * abs(self.higher):.0f} % too {'large' if self.higher > 0 else 'small'}")

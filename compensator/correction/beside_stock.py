@@ -25,6 +25,9 @@ def beside_stock(loaded: LoadedPath, prediction: Prediction, settings: Settings)
     if chosen.predict_force is None or chosen.stock is None or forces.unknown is not None:
         return []
     coefficients = read_coefficients(chosen.predict_force)
+    if coefficients.rejected:
+        return [Finding("CS4752", "warning", coefficients.rejection, file=str(chosen.predict_force),
+                        hint="the correction goes by the log of this program, which is not held against them; fit them again")]
     aside = np.zeros((len(path.toolpath), 3))
     if settings.correction.logged_with is None:
         aside[loaded.targets] = prediction.position

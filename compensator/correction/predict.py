@@ -147,9 +147,10 @@ def predict(
     """Deviation of every target with force, the log read from a file as cell and settings say, or already read; None: the
     forces are predicted from the stock, as `settings.cutting` says (docs/cutting.md).
 
-    Raises CompstiffError (CS4723) for neither a log nor all that a prediction needs, Refused (CS1022) for a
-    model that its own measurements reject, CompstiffError (CS4202) for a program without a move, (CS2011) for one that declares
-    none of its targets, and what `read_force_log`, `place_forces`, `compared`, `targets_to_correct` and `predict_path` raise.
+    Raises CompstiffError (CS4723) for neither a log nor all that a prediction needs, Refused for a model (CS1022) or, without a
+    log, coefficients (CS4752) that their own measurements reject, CompstiffError (CS4202) for a program without a move,
+    (CS2011) for one that declares none of its targets, and what `read_force_log`, `place_forces`, `compared`,
+    `targets_to_correct` and `predict_path` raise.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -159,7 +160,9 @@ def predict(
     """
     _check_sources(forces, settings)
     cell = cell if forces is not None else in_base(cell)
-    doubts = (*_of_rejected(model, accepted=settings.correction.accept_rejected),
+    accepted = settings.correction.accept_rejected
+    doubts = (*_of_rejected(model, accepted=accepted),
+              *(_of_rejected_coefficients(settings.cutting.predict_force, accepted=accepted) if forces is None else ()),
               *said_of_tables(model.source, model.made_from))
     learned = _learned(cell, settings)
     if learned is not None:
@@ -220,6 +223,19 @@ def _of_rejected(model: IdentifiedModel, *, accepted: bool) -> list[Finding]:
                               "lacks; --accept-rejected uses it all the same"))
     return [Finding("CS1023", "warning", f"{message}; it is used all the same (--accept-rejected)", file=source,
                     hint="the standard deviations do not say how far off it may be: measure after the first pass (verify)")]
+
+
+def _of_rejected_coefficients(file: Path | None, *, accepted: bool) -> list[Finding]:
+    """Coefficients that their own log rejects: Refused (CS4752), or a warning where they were asked for all the same."""
+    message = "" if file is None else read_coefficients(file).rejection
+    if not message:
+        return []
+    if not accepted:
+        raise Refused(Finding("CS4752", "error", message, file=str(file),
+                              hint="mend what is named there (the stock's file, the cutter, the log) and run compstiff cutting "
+                              "again; without --forces it takes the table's; --accept-rejected uses these all the same"))
+    return [Finding("CS4752", "warning", f"{message}; they are used all the same (--accept-rejected)", file=str(file),
+                    hint="the sigmas do not say how far off they may be: measure after the first pass (verify)")]
 
 
 def _learned(cell: Cell, settings: Settings) -> Learned | None:

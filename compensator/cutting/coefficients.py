@@ -27,7 +27,8 @@ SAME_CUTTER = 1e-5
 class Coefficients:
     """mean (6,) of COEFFICIENTS [N/m^2, N/m] and covariance (6, 6). model_error: 1 sigma of what the model leaves of the force
     at a place, as a share of it. cutter and material (None: not stated) they hold for; chip (2,) [m]: least and largest feed a
-    tooth of the log, None where no log was fitted; told: what they were made from, JSON values."""
+    tooth of the log, None where no log was fitted; told: what they were made from, JSON values. rejected: why the log that they
+    were fitted to says that they are none, in words, "" where it does not."""
 
     mean: Array
     covariance: Array
@@ -37,9 +38,15 @@ class Coefficients:
     chip: tuple[float, float] | None
     told: dict[str, Any]
     source: Path | None = None
+    rejected: str = ""
 
     def __post_init__(self) -> None:
         read_only(self.mean, self.covariance)
+
+    @property
+    def rejection(self) -> str:
+        """What to say of them where their own log rejects them, else ""."""
+        return f"the log that these coefficients were fitted to rejects them: {self.rejected}" if self.rejected else ""
 
     @property
     def std(self) -> Array:
@@ -56,7 +63,7 @@ class Coefficients:
             "cutter": {"diameter_mm": 2e3 * cutter.radius, "teeth": cutter.teeth, "corner_radius_mm": 1e3 * cutter.corner,
                        "flute_mm": 1e3 * cutter.flute if np.isfinite(cutter.flute) else None},
             "material": self.material, "feed_a_tooth_mm": None if self.chip is None else [1e3 * value for value in self.chip],
-            "told": self.told,
+            "told": self.told, "rejected": self.rejected or None,
         }
 
 
@@ -80,6 +87,7 @@ class _File(_Part):
     material: str | None = None
     feed_a_tooth_mm: tuple[FiniteFloat, FiniteFloat] | None = None
     told: dict[str, Any] = {}
+    rejected: str | None = None
 
 
 def read_coefficients(file: str | Path) -> Coefficients:
@@ -118,7 +126,7 @@ def read_coefficients(file: str | Path) -> Coefficients:
     chip = None if part.feed_a_tooth_mm is None else (1e-3 * part.feed_a_tooth_mm[0], 1e-3 * part.feed_a_tooth_mm[1])
     return Coefficients(np.array(part.mean) / IN_MM, covariance / np.outer(IN_MM, IN_MM), part.model_error, cutter,
                         part.material,
-                        chip, part.told, Path(file))
+                        chip, part.told, Path(file), part.rejected or "")
 
 
 def check_same(coefficients: Coefficients, cutter: Cutter, material: str | None, cell: str) -> None:

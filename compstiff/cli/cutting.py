@@ -63,6 +63,6 @@ def cutting(
     if leaves and fitted.cut:
         files[leaves] = stock_npz(fitted.cut.left)
     write_whole(files)
-    return Outcome(fitted.as_dict(), fitted.findings, fitted.lines(),
-                   use_of_stiffnesses(cell.robot, cell_file, stiffness_file or "STIFFNESS.json", "--predict-force", output,
-                                      "--stock", "PART.stock.yaml"))
+    use = use_of_stiffnesses(cell.robot, cell_file, stiffness_file or "STIFFNESS.json", "--predict-force", output,
+                             "--stock", "PART.stock.yaml")
+    return Outcome(fitted.as_dict(), fitted.findings, fitted.lines(), "" if fitted.coefficients.rejected else use)

@@ -146,7 +146,8 @@ LOG_OPTIONS: tuple[Decorator, ...] = (
     _correction("--scale", type=ScaledEstimate(1.0, 0.2, 10.0), default=DEFAULTS.correction.scale, metavar="VALUE[:STD]",
                 help="Factor on the deflection at the joints, as verify finds it from a measured pass."),
     _correction("--accept-rejected", is_flag=True,
-                help="Use a stiffness file that its own measurements reject (identify says so); else it is refused, exit 3."),
+                help="Use a stiffness file, or cutting coefficients, that their own measurements reject; else they are "
+                "refused, exit 3."),
 )
 # What a measured part taught: `predict` and `correct`.
 LEARNED_OPTIONS: tuple[Decorator, ...] = (

@@ -61,6 +61,34 @@ def test_a_block_for_a_roughed_pocket_and_what_the_pass_itself_left(job: Milling
     assert "CS4745" in cutting(job, left)
 
 
+def test_coefficients_that_their_log_rejects_are_refused(job: MillingJob) -> None:
+    """As a stiffness file is, and with the option for that they are used and it is said; beside a log of the program itself
+    they decide nothing. The right ones are not refused."""
+    block, stock = job.folder / "block.yaml", job.folder / "part.stock.npz"
+    block.write_text("box: {from_mm: [-62, -42, -20], to_mm: [62, 64, 0]}\n")
+
+    def predicted(*words: object) -> kit.Run:
+        return kit.run("predict", job.folder / "cut.yaml", job.program, "--stiffness", job.folder / "springs.json",
+                       "--predict-force", job.folder / "cutting.json", "--stock", stock, "-o", job.folder / "deviation.csv",
+                       "--force", "--json", *words)
+
+    cutting(job, block)
+    assert "CS4752" in kit.codes(kit.run("check", job.folder / "cut.yaml", job.folder / "cutting.json", "--json"))
+    (job.folder / "deviation.csv").unlink(missing_ok=True)
+    refused = predicted()
+    assert refused.code == 3
+    (said,) = [one for one in refused.json["findings"] if one["code"] == "CS4752"]
+    assert said["level"] == "error"
+    assert "the fit leaves" in said["message"]
+    assert not (job.folder / "deviation.csv").exists()
+    for words in (["--accept-rejected"], ["--forces", job.folder / "part.forces.csv", "--tare", "0:2"]):
+        done = predicted(*words)
+        assert done.code == 0, done
+        assert [one["level"] for one in done.json["findings"] if one["code"] == "CS4752"] == ["warning"]
+    cutting(job, stock)
+    assert "CS4752" not in kit.codes(predicted())
+
+
 def test_a_ball_for_a_flat_cutter(job: MillingJob) -> None:
     job.cell_with("ball.yaml", CUTTING.replace("teeth: 3", "teeth: 3, corner_radius_mm: 8"))
     assert "CS4745" in cutting(job, job.folder / "part.stock.npz", cell="ball.yaml")
