@@ -81,6 +81,11 @@ def test_no_request_no_complaint_no_overflow(browser: Any, folder: Path, name: s
         over = found.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
         if SCREENSHOTS:
             found.page.screenshot(path=Path(SCREENSHOTS) / f"{name}-{media}-{width}.png", full_page=True)
+            if (width, media) == (1200, "screen"):
+                found.page.emulate_media(color_scheme="dark")
+                found.page.wait_for_timeout(150)
+                found.page.screenshot(path=Path(SCREENSHOTS) / f"{name}-dark-{width}.png", full_page=True)
+                found.page.emulate_media(color_scheme="light")
         assert over <= 0, f"{name} is {over} px too wide for {width} px, {media}"
         cut = found.page.evaluate("[...document.querySelectorAll('.stack')].filter(one => "
                                   "one.scrollWidth > one.parentElement.clientWidth).length")
@@ -419,6 +424,26 @@ def test_the_signature_calls_noise_only_what_is_noise(results: dict[str, Any]) -
     more = compstiff.report(replace(diagnosis, judgement=replace(diagnosis.judgement, law_differs=True)))
     assert "something smaller is at work beside it" in more
     assert "The scatter about it is noise." not in more
+
+
+def test_what_the_tolerance_is_spent_on_ends_where_the_cut_ends(browser: Any, folder: Path, results: dict[str, Any]) -> None:
+    """Not over the air between two cuts: the widest of these gaps is empty in the chart."""
+    path, targets = results["budget"].corrected.predicted.path, results["budget"].corrected.predicted.targets
+    length = path.length[targets]
+    gap = int(np.argmax(np.diff(length)))
+    found = opened(browser, folder / "budget.html")
+    chart = found.page.locator("section", has=found.page.get_by_role("heading", name="What the tolerance is spent on"))
+    lines = chart.locator(".wide path.line.stroke-ink, .wide path.line.stroke-s2").evaluate_all(
+        "all => all.map(one => one.getAttribute('d'))")
+    assert len(lines) == 2
+    for line in lines:
+        stretches = [np.array(re.findall(r"[-\d.]+", part), dtype=float)[::2] for part in line.split("M")[1:]]
+        across = np.concatenate(stretches)
+        place = across.min() + (np.array([length[gap], length[gap + 1]]) - length[0]) / np.ptp(length) * np.ptp(across)
+        middle = place.mean()
+        assert np.ptp(place) > 5
+        assert not any(part.min() < middle < part.max() for part in stretches)
+    found.page.close()
 
 
 def test_the_name_of_a_column_stays_as_it_is(folder: Path) -> None:
