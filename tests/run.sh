@@ -79,6 +79,10 @@ if [ -z "${COMPSTIFF_BROWSER:-}" ] && browser=$("$environment/bin/python" tests/
 fi
 echo "== the browser for the tests of reports: ${COMPSTIFF_BROWSER:-none}"
 
+# A picture of every report, for people to look at: on a screen, in the dark, on a telephone and on paper.
+export COMPSTIFF_SCREENSHOTS=${COMPSTIFF_SCREENSHOTS:-$PWD/build/screenshots}
+mkdir -p "$COMPSTIFF_SCREENSHOTS"
+
 # Every test process imports all tests, and would compile them anew if none had before: a fourth of a minute each.
 "$environment/bin/python" -m pytest --collect-only -q >/dev/null 2>&1 &
 compiled=$!

@@ -115,3 +115,34 @@ def test_the_schemas_hold_what_the_readers_take(site: Path) -> None:
     with pytest.raises(KeyError):
         known({"tool": {"position_um": [0, 0, 0]}}, schema)
     assert schema["required"] == ["robot", "tool"]
+
+
+@pytest.mark.parametrize(("name", "command"), [
+    ("stiffness", ["identify", "cell.yaml", "measurements.csv"]),
+    ("cutting", ["cutting", "teeth.yaml", "insert.mod"])])
+def test_the_schemas_hold_what_is_written(site: Path, tmp_path: Path, name: str, command: list[str]) -> None:
+    """A file as a command writes it has the keys that its schema asks for, of the types it says."""
+    from click.testing import CliRunner
+
+    from compstiff.cli.main import compstiff
+
+    for file in ("cell.yaml", "measurements.csv", "insert.mod"):
+        (tmp_path / file).write_bytes((ROOT / "samples" / file).read_bytes())
+    cell = (tmp_path / "cell.yaml").read_text()
+    (tmp_path / "teeth.yaml").write_text(cell.replace("contact_mm: 1", "contact_mm: 1, teeth: 3"))
+    words = [str(tmp_path / word) if (tmp_path / word).is_file() else word for word in command]
+    done = CliRunner().invoke(compstiff, [*words, "-o", str(tmp_path / "out.json")])
+    assert done.exit_code == 0, done.output
+    schema = json.loads((site / f"schemas/{name}.schema.json").read_text(encoding="utf-8"))
+    written = json.loads((tmp_path / "out.json").read_text())
+    kinds = {"string": str, "number": (int, float), "integer": int, "array": list, "object": dict}
+    asked = [(key, node) for key, node in schema["properties"].items() if key in schema["required"] and "type" in node]
+    assert len(asked) > 3
+    assert [key for key, node in asked if not isinstance(written[key], kinds[node["type"]])] == []
+
+
+def test_every_file_that_a_model_reads_has_a_schema(site: Path) -> None:
+    page = (site / "schemas.html").read_text(encoding="utf-8")
+    for name in ("cell", "robot", "stock", "stiffness", "cutting", "learned"):
+        assert f'href="schemas/{name}.schema.json"' in page
+        assert json.loads((site / f"schemas/{name}.schema.json").read_text(encoding="utf-8"))["properties"]

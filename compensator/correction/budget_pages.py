@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from compensator.correction.budget import SIGMAS, Budget
 from compensator.correction.expected_left import CAUSES
+from compensator.correction.path_view import spread
 from identification.common.chart import Axis, Figure, Line, Panel, Rule, Series
 from identification.common.findings import verb
 from identification.common.report import ReportTable
@@ -59,11 +60,13 @@ def budget_tables(budget: Budget) -> list[ReportTable]:
 def budget_figure(budget: Budget) -> Figure:
     """Two sigma by cause along the path, with the tolerance."""
     corrected = budget.corrected
-    length = 1e3 * corrected.predicted.path.length[corrected.predicted.targets]
-    series: list[Series] = [Line(words, length, 1e6 * SIGMAS * getattr(corrected.left, cause), COLOURS[cause], 1.2,
-                                 dashed=cause in DASHED)
+    path, targets = corrected.predicted.path, corrected.predicted.targets
+    length, count = 1e3 * path.length, len(path.toolpath)
+    # No line where there is no force.
+    series: list[Series] = [Line(words, length, spread(1e6 * SIGMAS * getattr(corrected.left, cause), targets, count),
+                                 COLOURS[cause], 1.2, dashed=cause in DASHED)
                             for cause, words in CAUSES.items() if getattr(corrected.left, cause).any()]
-    series += [Line("all together", length, 1e6 * budget.two_sigma, "ink", 1.6),
+    series += [Line("all together", length, spread(1e6 * budget.two_sigma, targets, count), "ink", 1.6),
                Rule(1e6 * budget.tolerance, "tolerance", "bad")]
     return Figure("What the tolerance is spent on", "Expected on the part after the correction, by cause; causes are added as "
                   "independent.", [Panel(series, Axis("path length [mm]"), Axis("two sigma on the part [um]", from_zero=True))])

@@ -21,6 +21,18 @@ from identification.common.findings import counted, verb
 from identification.common.report import Key, Step, Verdict, count_words
 from identification.model.controller import runs_rapid
 
+# From here [um] a tenth of a micrometre tells nobody anything.
+WHOLE_UM = 9.95
+
+
+def micrometres(value: float) -> str:
+    """A size [um] of the first screen: whole micrometres, and tenths where these are all there is.
+
+    >>> micrometres(64.7), micrometres(0.42)
+    ('65', '0.4')
+    """
+    return f"{value:.0f}" if value >= WHOLE_UM or not value else f"{value:.1f}"
+
 
 def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
     """Of a program: with a tolerance whether it is kept, without one what is expected."""
@@ -31,18 +43,17 @@ def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
     if budget is not None:
         return _against(budget)
     if isinstance(job, Predicted):
-        sentence = (f"Without correction the tool is pushed off its path by up to {before['largest']:.0f} µm "
-                    f"({before['rms']:.0f} µm RMS).")
+        sentence = (f"Without correction the tool is pushed off its path by up to {micrometres(before['largest'])} µm "
+                    f"({micrometres(before['rms'])} µm RMS).")
         unsure = 2 * figures["deviation_std_um"]["rms"]
         if unsure > before["rms"]:
-            return Verdict("caution", "NOT CORRECTED, AND NOT KNOWN WELL", f"{sentence} That is uncertain by {unsure:.0f} µm "
-                           "RMS (2 sigma): a stiffness, or the force, is not known well.")
+            return Verdict("caution", "NOT CORRECTED, AND NOT KNOWN WELL", f"{sentence} That is uncertain by "
+                           f"{micrometres(unsure)} µm RMS (2 sigma): a stiffness, or the force, is not known well.")
         return Verdict("open", "NOT CORRECTED", sentence)
     left = figures["expected_left_um"]
-    sentence = (f"The tool was pushed off its path by {before['rms']:.0f} µm RMS, {before['largest']:.0f} µm at most. After "
-                f"this "
-                f"correction {2 * left['rms']:.0f} µm RMS are expected on the part, {2 * left['largest']:.0f} µm at most (2 "
-                f"sigma).")
+    sentence = (f"The tool was pushed off its path by {micrometres(before['rms'])} µm RMS, "
+                f"{micrometres(before['largest'])} µm at most. After this correction {micrometres(2 * left['rms'])} µm RMS are "
+                f"expected on the part, {micrometres(2 * left['largest'])} µm at most (2 sigma).")
     held = len(job.planned.forces.held)
     if held:
         sentence += f" {counted(held, 'target', 'are')} not among them: the log stood still there, left as planned."
@@ -79,16 +90,17 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
     given_job = _given(job)
     figures, given = job.as_dict(), given_job.as_dict()
     before, std = given["deviation_um"], given["deviation_std_um"]
-    keys = [Key("pushed off, uncorrected", f"{before['largest']:.0f}", "µm", f"largest; RMS {before['rms']:.0f} µm")]
+    keys = [Key("pushed off, uncorrected", micrometres(before["largest"]), "µm",
+                f"largest; RMS {micrometres(before['rms'])} µm")]
     corrected = budget.corrected if budget is not None else job if isinstance(job, Corrected) else None
     if corrected is None:
         assert isinstance(job, Predicted)
         keys += _worst(job, np.linalg.norm(job.prediction.at_rest, axis=1), "largest at")
-        return [*keys, Key("uncertainty of that", f"{2 * std['largest']:.0f}", "µm", "2 sigma, largest"),
+        return [*keys, Key("uncertainty of that", micrometres(2 * std["largest"]), "µm", "2 sigma, largest"),
                 _aside(job.another) or Key("targets with force", f"{given['with_force']}", "", f"of {given['targets']}")]
     left = corrected.left
-    keys.append(Key("expected on the part, corrected", f"{2e6 * rms(left.std):.0f}" if len(left.std) else "0", "µm",
-                    f"2 sigma, RMS; {2e6 * float(left.std.max(initial=0.0)):.0f} µm at the worst place"))
+    keys.append(Key("expected on the part, corrected", micrometres(2e6 * rms(left.std) if len(left.std) else 0.0), "µm",
+                    f"2 sigma, RMS; {micrometres(2e6 * float(left.std.max(initial=0.0)))} µm at the worst place"))
     if budget is not None:
         share = 1e2 * float(budget.two_sigma.max(initial=0.0)) / budget.tolerance
         keys.append(Key("share of the tolerance", f"{share:.0f}", "%", f"of {1e6 * budget.tolerance:g} µm, at the worst place"))

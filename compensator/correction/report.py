@@ -11,7 +11,7 @@ from compensator.correction.budget_pages import budget_figure, budget_sentence, 
 from compensator.correction.correct import Corrected
 from compensator.correction.expected_left import CAUSES
 from compensator.correction.feed_pages import feed_figures, feed_tables
-from compensator.correction.first_screen import keys_of, name_of, steps_of, verdict_of
+from compensator.correction.first_screen import keys_of, micrometres, name_of, steps_of, verdict_of
 from compensator.correction.path_view import Quantity, components, path_view, spread
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import EXACTLY_ONE
@@ -37,8 +37,8 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None, offset
     deviation, std = given["deviation_um"], given["deviation_std_um"]
     lead = [
         f"{given['with_force']} of {given['targets']} targets of {name} carry force. Without correction the tool is pushed "
-        f"off its path by up to {deviation['largest']:.0f} um ({deviation['rms']:.0f} um RMS); that prediction is uncertain "
-        f"by up to {2 * std['largest']:.1f} um (2 sigma)."]
+        f"off its path by up to {micrometres(deviation['largest'])} um ({micrometres(deviation['rms'])} um RMS); that "
+        f"prediction is uncertain by up to {2 * std['largest']:.1f} um (2 sigma)."]
     rows = [["targets", f"{given['targets']}"], ["with force", f"{given['with_force']}"],
             ["without a sample", f"{given['without_sample']}"],
             ["predicted deviation, largest / RMS [um]", f"{deviation['largest']:.1f} / {deviation['rms']:.1f}"],

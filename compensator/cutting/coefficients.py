@@ -78,7 +78,9 @@ class _Cutter(_Part):
     flute_mm: FiniteFloat | None = Field(default=None, gt=0)
 
 
-class _File(_Part):
+class CoefficientsFile(_Part):
+    """cutting.json, beside its format and version."""
+
     coefficients: list[str]
     mean: list[FiniteFloat]
     covariance: list[list[FiniteFloat]]
@@ -104,7 +106,7 @@ def read_coefficients(file: str | Path) -> Coefficients:
         raise error("CS4720", f"holds no cutting coefficients: format and version are {found}, expected ('{FORMAT}', "
                     f"{VERSION})", file=name, hint="compstiff cutting writes it")
     try:
-        part = _File.model_validate(content)
+        part = CoefficientsFile.model_validate(content)
     except ValidationError as reason:
         first = reason.errors()[0]
         raise error("CS4720", f"{'.'.join(map(str, first['loc']))}: {first['msg']}", file=name) from reason

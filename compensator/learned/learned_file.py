@@ -44,7 +44,9 @@ class _Remainder(_Part):
     posture_deg: list[Six] = Field(max_length=MOST_PLACES)
 
 
-class _File(_Part):
+class LearnedFile(_Part):
+    """learned.json."""
+
     format: str
     version: int
     robot: str
@@ -106,7 +108,7 @@ def read_learned(file: str | Path, cell: Cell) -> Learned:
         raise error("CS5320", f"is no learned file: format and version are {found}, expected ('{FORMAT}', 1)", file=name,
                     hint="compstiff learn writes it")
     try:
-        part = _File.model_validate(content)
+        part = LearnedFile.model_validate(content)
     except ValidationError as reason:
         first = reason.errors()[0]
         raise error("CS5320", f"{'.'.join(map(str, first['loc']))}: {first['msg']}", file=name) from reason

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from compensator.verification.comparison import Figures, Scale
+from compensator.verification.readings import Readings
 from compensator.verification.verify import Verification
 from identification.common.chart import Axis, Figure, Line, Panel, Points, Rule, Series
 from identification.common.command_line import call
@@ -44,7 +45,7 @@ def _verdict(result: Verification) -> Verdict:
     if result.accepted is False:
         return Verdict("bad", "NOT ACCEPTED", f"{sentence}. {result.over} of {len(result.after)} readings exceed the "
                                               f"tolerance of "
-                       f"{result.tolerance_um:g} µm.")
+                       f"{result.tolerance_um:g} µm, the worst at {_worst(result.after)}.")
     if result.comparison.verdict == "worse":
         return Verdict("bad", "WORSE THAN BEFORE", f"{sentence}. Do not use this correction.")
     if any(finding.level == "error" for finding in result.findings):
@@ -64,7 +65,8 @@ def _keys(result: Verification) -> list[Key]:
     keys = [Key("deviation, RMS", f"{before.rms_um:.1f} → {after.rms_um:.1f}", "µm", f"{before.points} places in both passes"),
             Key("smaller by a factor", "–" if comparison.ratio is None else f"{comparison.ratio:.2g}", "", between
                 or "no interval can be given"),
-            Key("largest after", f"{after.max_um:.1f}", "µm", f"before {before.max_um:.1f} µm")]
+            Key("largest after", f"{after.max_um:.1f}", "µm",
+                f"before {before.max_um:.1f} µm; at {_worst(result.after.select(result.rows_after))}")]
     if result.tolerance_um is not None:
         keys.append(Key("share of the tolerance",
                         f"{100 * 1e6 * float(np.nanmax(result.after.size)) / result.tolerance_um:.0f}",
@@ -75,10 +77,18 @@ def _keys(result: Verification) -> list[Key]:
     return keys
 
 
+def _worst(readings: Readings) -> str:
+    """The place of the largest reading, as the file names it."""
+    place = readings.place[int(np.nanargmax(readings.size))]
+    if readings.key == "target":
+        return f"target {place[0]:.0f}"
+    if readings.key == "path_mm":
+        return f"path length {1e3 * place[0]:.1f} mm"
+    return f"x y z {', '.join(f'{1e3 * x:.1f}' for x in place)} mm"
+
+
 def _steps(result: Verification) -> list[Step]:
-    """The next part, with the scale where it is known."""
-    if result.accepted and result.comparison.verdict != "worse":
-        return [Step("Keep these files with the part: they are its proof.")]
+    """The next part, with the scale where it is known; of a part that is accepted the proof first."""
     if result.comparison.verdict == "worse":
         return [Step("Check the sign and frame of the force log, and that the two files are not exchanged. A second log tells:",
                      call("correct", "cell.yaml", "PART.mod", "--stiffness", "stiffness.json", "--forces", "PART.forces.csv",
@@ -96,7 +106,8 @@ def _steps(result: Verification) -> list[Step]:
         tolerance = () if result.tolerance_um is None else ("--tolerance-um", f"{result.tolerance_um:g}")
         advice.append(Step("See whether a scale would help: compare with what was predicted (what correct --offsets wrote):",
                            call("verify", "cell.yaml", before.source, after, "--predicted", "PART.offsets.csv", *tolerance)))
-    return [*hints, *advice, step]
+    kept = [Step("Keep these files with the part: they are its proof.")] if result.accepted else []
+    return [*hints, *kept, *advice, step]
 
 
 def _row(name: str, before: Figures, after: Figures) -> list[str]:

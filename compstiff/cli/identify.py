@@ -45,7 +45,6 @@ def identify(
 
     from compstiff import fit_stiffness, read_cell, read_measurements
     from identification.common.files import check_writable, json_bytes, write_whole
-    from identification.model.controller import use_of_stiffnesses
 
     session.inputs += [cell_file, measurements_file]
     check_writable([output, *([report] if report else [])], overwrite=session.overwrite)
@@ -58,10 +57,11 @@ def identify(
 
         files[report] = page_of(fit).encode()
     write_whole(files, overwrite=session.overwrite, read=session.read)
+    # The first step of the report: what is not known well is measured, before springs are asked whether they are all there is.
+    weak = not fit.model.rejected and any(grade != "reliable" for grade in fit.model.grades)
     following = (
-        call("diagnose", cell_file, measurements_file, "-o", "diagnosis.json", "--extended", "stiffness_extended.json")
-        if fit.model.rejected else
-        use_of_stiffnesses(cell.robot, cell_file, output))
+        call("design", cell_file, "--add", 3, measurements_file, *measurements.weights, "-o", "more.csv") if weak else
+        call("diagnose", cell_file, measurements_file, "-o", "diagnosis.json", "--extended", "stiffness_extended.json"))
     return Outcome(fit.as_dict(), fit.findings, fit.lines(), next_step=following)
 
 

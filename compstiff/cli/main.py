@@ -33,6 +33,14 @@ COMMANDS = {
     "verify": "Compare the deviation measured before and after a correction.",
     "watch": "Correct every finished program that appears in a folder, once.",
 }
+# As the help lists them: in the order in which a cell comes to need them.
+GROUPS = {
+    "Before and at commissioning": ("init", "check", "design", "identify", "diagnose"),
+    "Each toolpath": ("post", "cutting", "tare", "predict", "correct", "watch"),
+    "To the machine": ("upload", "push", "cell"),
+    "On the part": ("verify", "learn"),
+    "Around": ("demo", "explain", "robots", "convert"),
+}
 
 
 class Commands(click.Group):
@@ -56,10 +64,10 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        room = formatter.width - 6 - max(map(len, COMMANDS))
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, click.Command(name, help=sentence).get_short_help_str(room))
-                                for name, sentence in COMMANDS.items()])
+        room = max(map(len, COMMANDS))
+        for group, names in GROUPS.items():
+            with formatter.section(group):
+                formatter.write_dl([(name.ljust(room), COMMANDS[name]) for name in names])
 
 
 @click.group(cls=Commands, context_settings=CONTEXT)
@@ -68,7 +76,7 @@ def compstiff() -> None:
     """Make an industrial robot mill accurately.
 
     identify learns the joint stiffnesses from load tests; correct rewrites a milling program so that the loaded tool goes
-    where the CAM system meant it to go.
+    where the CAM system meant it to go. For a first look: compstiff demo. For your own cell: compstiff init FOLDER.
     """
 
 

@@ -86,11 +86,15 @@ def findings_page() -> str:
 
 def schema_files() -> dict[str, dict[str, object]]:
     """JSON Schemas of the files for which models exist, made from these models."""
+    from compensator.cutting.coefficients import CoefficientsFile
+    from compensator.cutting.stock_file import StockFile
+    from compensator.learned.learned_file import LearnedFile
     from identification.model.cell_file import CellFile
     from identification.model.robot_file import RobotFile
     from identification.model.stiffness_file import StiffnessFile
 
-    models = {"cell": CellFile, "robot": RobotFile, "stiffness": StiffnessFile}
+    models = {"cell": CellFile, "robot": RobotFile, "stock": StockFile, "stiffness": StiffnessFile, "cutting": CoefficientsFile,
+              "learned": LearnedFile}
     return {f"{name}.schema.json": {"$schema": "https://json-schema.org/draft/2020-12/schema",
                                     "title": f"compstiff {name}"} | model.model_json_schema() for name, model in models.items()}
 

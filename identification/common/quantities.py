@@ -28,6 +28,16 @@ def readable_unit(size: float, unit: str) -> tuple[float, str]:
     return factor, prefix + unit
 
 
+def two_places(value: float) -> str:
+    """Two significant places without a power of ten, as far as people read such numbers.
+
+    >>> [two_places(value) for value in (134.2, 0.0547, 1.04e6, 1.6e-7, 0.0)]
+    ['130', '0.055', '1e+06', '1.6e-07', '0']
+    """
+    text = f"{value:.2g}"
+    return f"{float(text):g}"
+
+
 def two_sigma(std: Spread) -> Spread:
     """What words call the uncertainty of a result, and what stands behind +-; files and what a user states have one sigma."""
     return 2.0 * std

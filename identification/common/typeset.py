@@ -8,7 +8,7 @@ BLANK = "\u00a0"
 UNITS = "µm|µrad|µs|mrad|arcsec|mm|m|kN|N|kg|Hz|rpm|deg|rad|min|ms|s|%"
 RULES = tuple((re.compile(pattern), to) for pattern, to in (
     # um and urad behind a number or in brackets; never inside the name of a column or an option.
-    (r"(?<=\d )u(?=(?:m|rad|s)\b)", "µ"), (r"(?<=\[)u(?=(?:m|rad)[\]/^])", "µ"),
+    (r"(?<=\d )u(?=(?:m|rad|s)\b)", "µ"), (r"^u(?=(?:m|rad|s)(?:/\S+)?$)", "µ"), (r"(?<=\[)u(?=(?:m|rad)[\]/^])", "µ"),
     (r"(?<=\w)\*(?=m\b)", "·"),
     (r"(?<=\d) \+- (?=[\d.])", f"{BLANK}±{BLANK}"), (r"(?<=\d) -> (?=[-\d])", f"{BLANK}→ "),
     (r"(?<=\d) \.\.\. (?=[-\d])", f"{BLANK}… "),

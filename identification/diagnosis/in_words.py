@@ -136,11 +136,18 @@ def _beside_the_names(judgement: Judgement) -> list[str]:
     if judgement.law_differs:
         lines.append("  it explains nearly all of the misfit, but not to the noise: the real law differs a little from the "
                      "dictionary's, or something smaller is at work beside it")
-    elif judgement.verdict == "named" and judgement.causes and judgement.adequacy and judgement.adequacy.p_value <= ALARM:
-        further = ", ".join(f"{cause_words(cause.label)} {cause.probability:.2f}" for cause in judgement.alternatives[:4])
-        lines.append(f"  what is left then is more than {1 - judgement.adequacy.p_value:.1%} of data sets show without a "
-                     f"further cause: something more may be at work{f' ({further})' if further else ''}")
+    elif judgement.adequacy and more_at_work(judgement):
+        further = ", ".join(f"{cause_words(cause.label)}, probability {cause.probability:.2f}"
+                            for cause in judgement.alternatives[:4])
+        lines.append(f"  what is left then is more than {100 * (1 - judgement.adequacy.p_value):.1f} % of data sets show "
+                     f"without a further cause: something more may be at work{f' ({further})' if further else ''}")
     return lines
+
+
+def more_at_work(judgement: Judgement) -> bool:
+    """Whether the causes named leave more than noise does."""
+    return judgement.law_differs or (judgement.verdict == "named" and bool(judgement.causes)
+                                     and judgement.adequacy is not None and judgement.adequacy.p_value <= ALARM)
 
 
 def _overlooked(judgement: Judgement) -> list[str]:

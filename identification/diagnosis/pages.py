@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import rms
 from identification.common.chart import AXES, AXIS_COLOURS, Axis, Band, Bars, Figure, Line, Panel, Points, Rule, Series
-from identification.common.quantities import parameter_words, readable_unit
+from identification.common.quantities import parameter_words, readable_unit, two_places
 from identification.common.report import Key, Page, ReportTable, Verdict, View, render
 from identification.diagnosis.arm_drawing import arm_drawing, sound_arm
 from identification.diagnosis.diagnose import Diagnosis
 from identification.diagnosis.gain import Gain
-from identification.diagnosis.in_words import no_cause, value
+from identification.diagnosis.in_words import more_at_work, no_cause, value
 from identification.diagnosis.judgement import Judgement
 from identification.diagnosis.next_steps import steps_of
 from identification.diagnosis.procedure import ALARM
@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 MOST_POINTS = 3000
 # Beside each other no more poses have bars; rivals that are marked in the drawing.
 MOST_POSES, MOST_MARKED = 40, 4
+# A sentence that begins with the name of a column.
+COLUMN = re.compile(r"(?:[dfm][xyz]|q\d)(?:_\w+)?,?$")
 
 
 def diagnosis_report(diagnosis: Diagnosis, extended: Path | None = None) -> str:
@@ -66,14 +68,17 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
     before, allowed = 1e6 * rms(judgement.plain.residual), 1e6 * rms(judgement.expected_std)
     sizes = f"six springs leave {before:.1f} µm RMS, the noise allows {allowed:.1f} µm"
     if diagnosis.verdict == "adequate":
-        return Verdict("good", "ADEQUATE", f"Six springs explain these measurements to their noise: {sizes}. Of "
-                       f"{len(judgement.showing)} possible causes of typical size these rows would have shown "
-                       f"{len(judgement.showing) - len(judgement.overlooked)}, four times in five.")
+        return Verdict("good", "ADEQUATE", f"Six springs explain these measurements to their noise: they leave {before:.1f} µm "
+                       f"RMS, the noise allows {allowed:.1f} µm. Of {len(judgement.showing)} possible causes of typical size "
+                       f"these rows would have shown {len(judgement.showing) - len(judgement.overlooked)}, four times in five.")
     if before <= allowed and judgement.detection.p_value <= ALARM:
         sizes += f": its size would pass, but noise does not make such a pattern ({_probability(judgement)})"
     if diagnosis.verdict == "mistake":
         mistake = judgement.mistakes[0]
-        told = f"{mistake.sentence[:1].upper()}{mistake.sentence[1:]}".replace("+-", "±")
+        # The name of a column stays as the table has it.
+        first, _, rest = mistake.sentence.partition(" ")
+        name = COLUMN.match(first)
+        told = f"{first if name else first[:1].upper() + first[1:]} {rest}".replace("+-", "±")
         return Verdict("bad", "A MISTAKE IN THE FILES", f"{told}. Each pose is predicted from the others to "
                        f"{1e6 * mistake.before:.1f} µm RMS as it stands, to {1e6 * mistake.after:.1f} µm with it mended.")
     if diagnosis.verdict == "unknown":
@@ -223,10 +228,10 @@ def _showing(judgement: Judgement) -> ReportTable | None:
         said, (factor, unit) = each.as_dict(), readable_unit(each.typical, each.entry.effect.size_parameter.unit)
         shows = ["never", "never"]
         if said["noticed_from"] is not None:
-            shows = [f"{said['noticed_from'] / factor:.2g} {unit}".rstrip(), f"{said['noticed_from_um']:.1f}"]
+            shows = [f"{two_places(said['noticed_from'] / factor)} {unit}".rstrip(), f"{said['noticed_from_um']:.1f}"]
         unless = " (unless the arm's weight presses its teeth to one side)" if each.weighed else ""
         rows.append([each.entry.sentence + unless, "yes" if each.of_typical_size else "no",
-                     f"{each.typical / factor:.2g} {unit}".rstrip(), f"{said['typical_um']:.1f}", *shows,
+                     f"{two_places(each.typical / factor)} {unit}".rstrip(), f"{said['typical_um']:.1f}", *shows,
                      each.leaves_off(), each.entry.label])
     header = ["cause", "typical one would have shown", "typical size", "moves the tool by [um]", "shows from",
               "shows from [um]", "unnoticed, leaves off", "name"]
@@ -311,8 +316,10 @@ def _explained(judgement: Judgement) -> Figure:
     over: list[Series] = [Points("what the springs leave", line, 1e6 * left[shown, k], "before", size=5),
                           Line("what the cause gives", line, 1e6 * expected[shown, k], "after", 1.6)]
     names = "it" if len(judgement.causes) == 1 else "them"
+    scatter = "The scatter about it is more than noise makes: see in words." if more_at_work(judgement) else (
+        "The scatter about it is noise.")
     caption = (f"What lies on the line is explained by {names}: first in all readings, then in the order of the rows, reading "
-               f"{AXES[k]}, where it shows the most. The scatter about it is noise.")
+               f"{AXES[k]}, where it shows the most. {scatter}")
     return Figure("The signature of the cause over what the springs leave", caption, [
         Panel(cloud, Axis("the named cause gives [um]"), Axis("measured minus springs [um]")),
         Panel(over, Axis("line of the measurement file"), Axis(f"reading {AXES[k]} [um]"))], beside=True)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import Finding
-from identification.common.quantities import cause_words, readable_unit
+from identification.common.quantities import cause_words, readable_unit, two_places
 from identification.common.tails import normal_above
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.power import NEVER, POWER, in_the_middle, noticed_from, weakest
@@ -63,7 +63,7 @@ class Outlook:
 
     def shown(self, size: float) -> str:
         """A size [typical sizes] in the unit of the parameter; never, where it is beyond a thousand typical ones."""
-        return f"{size * self.typical / self.read_in[0]:.2g}" if size < NEVER else "never"
+        return two_places(size * self.typical / self.read_in[0]) if size < NEVER else "never"
 
     @property
     def read_in(self) -> tuple[float, str]:

@@ -30,6 +30,8 @@ from identification.model.cell import Cell
 from identification.model.controller import runs_rapid, use_of_stiffnesses
 
 JOINTS = [f"k{i}" for i in range(1, 7)]
+# Two standard deviations of a stiffness from which a factor says more than per cent do.
+WIDE = 0.3
 # More points a cloud are thinned evenly; more poses have no bar.
 MOST_POINTS, MOST_POSES = 3000, 60
 
@@ -54,7 +56,7 @@ def identification_report(fit: Fit) -> str:
     if fit.held_out is not None:
         lead.append(f"On the validation rows, which were not fitted: {1e6 * fit.held_out[0]:.1f} um RMS with the prior's "
                     f"stiffnesses, {1e6 * fit.held_out[1]:.1f} um with the identified ones.")
-    rows = [[f"k{i}", f"{k:.4g}", f"{low:.4g} ... {high:.4g}", f"{200 * s:.1f} %", f"{p:.3g}", grade.grade,
+    rows = [[f"k{i}", f"{k:.4g}", f"{low:.4g} ... {high:.4g}", _two_sigma(s), f"{p:.3g}", grade.grade,
              grade.reason + (f"; {grade.helpful}" if grade.helpful not in ("", LOOK_FOR_IT) else "")]
             for i, (k, (low, high), s, p, grade) in enumerate(zip(
                 model.stiffness, model.interval_95, model.log_std, cell.prior.stiffness, fit.grades, strict=True), 1)]
@@ -114,9 +116,15 @@ def _keys(fit: Fit) -> list[Key]:
     if fit.held_out is not None:
         keys.append(Key("on rows not fitted", f"{1e6 * fit.held_out[0]:.1f} → {1e6 * fit.held_out[1]:.1f}", "µm",
                         "RMS, with what was known before and now"))
-    return [*keys, Key("least certain joint", JOINTS[worst], "", f"2 sigma {200 * model.log_std[worst]:.1f} %"),
+    return [*keys, Key("least certain joint", JOINTS[worst], "", f"2 sigma: {_two_sigma(model.log_std[worst])}"),
             Key("reliable joints", f"{sum(grade == 'reliable' for grade in model.grades)} of 6", "",
                 f"{len(fit.bad_visits)} poses left out" if fit.bad_visits else "no pose left out")]
+
+
+def _two_sigma(log_std: float) -> str:
+    """Of a stiffness: per cent, and a factor where these would be over thirty."""
+    wide = 2 * float(log_std)
+    return f"{100 * wide:.1f} %" if wide < WIDE else f"a factor {np.exp(wide):.2g}"
 
 
 def _steps(fit: Fit) -> list[Step]:

@@ -6,6 +6,7 @@ import ast
 import doctest
 import inspect
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -83,6 +84,20 @@ def test_the_help_says_what_the_commands_say() -> None:
         assert command is not None
         first = " ".join((command.help or "").split("\n\n")[0].split())
         assert first == sentence, name
+
+
+@pytest.mark.parametrize("columns", ["80", "120"])
+def test_the_help_lists_each_command_once_with_its_whole_sentence(columns: str) -> None:
+    """In the order of the work, the new cell first; nothing is cut off at the width of the terminal."""
+    done = subprocess.run([sys.executable, "-m", "compstiff", "--help"], capture_output=True, text=True, check=True,
+                          env=os.environ | {"COLUMNS": columns})
+    listed = re.findall(r"^  ([a-z]+)  +[A-Z]", done.stdout, re.M)
+    assert sorted(listed) == sorted(COMMANDS)
+    assert listed[0] == "init"
+    assert listed.index("identify") < listed.index("correct") < listed.index("verify")
+    assert max(map(len, done.stdout.splitlines())) <= int(columns)
+    told = " ".join(done.stdout.split())
+    assert [name for name, sentence in COMMANDS.items() if sentence not in told] == []
 
 
 @pytest.mark.parametrize("code", ["import compstiff", "from compstiff.cli.main import compstiff; compstiff(['--help'], None, "

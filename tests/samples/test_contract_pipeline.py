@@ -210,13 +210,31 @@ def test_completion(shell: str, tmp_path: Path) -> None:
     assert "kr60" not in robots
 
 
-def test_bash_completes_as_it_is_told(tmp_path: Path) -> None:
-    """The script in a real bash: the word that is typed is completed."""
-    where = environment(tmp_path)
-    code = ('eval "$(_COMPSTIFF_COMPLETE=bash_source compstiff)"\nCOMP_WORDS=(compstiff diagn)\nCOMP_CWORD=1\n'
-            '_compstiff_completion compstiff diagn compstiff\necho "${COMPREPLY[@]}"')
-    done = subprocess.run(["bash", "-c", code], env=where, capture_output=True, text=True, timeout=120)
+@pytest.mark.parametrize(("shell", "place", "asks"), [
+    ("bash", ".bashrc", 'COMP_WORDS=(compstiff diagn)\nCOMP_CWORD=1\n_compstiff_completion compstiff diagn compstiff\n'
+                        'echo "${COMPREPLY[@]}"'),
+    # What completes, and what it is told; the editor of the line needs a terminal.
+    ("zsh", ".zshrc", 'print $_comps[compstiff]; env COMP_WORDS="compstiff diagn" COMP_CWORD=1 '
+                      '_COMPSTIFF_COMPLETE=zsh_complete compstiff'),
+    ("fish", ".config/fish/completions/compstiff.fish", 'complete -C "compstiff diagn"')])
+def test_shells_complete_with_the_lines_of_the_page(shell: str, place: str, asks: str, tmp_path: Path) -> None:
+    """Each shell started with what docs/pipeline.md tells to write into its file, in an empty home: the word is completed."""
+    if shutil.which(shell) is None:
+        pytest.skip(f"{shell} is not installed")
+    page = (PIPELINE.parents[1] / "docs/pipeline.md").read_text(encoding="utf-8").partition("## Completion")[2]
+    lines = re.findall(rf"```{shell}\n(.*?)```", page, re.S)
+    assert len(lines) == 1
+    home = str(tmp_path)
+    where = environment(tmp_path) | {"HOME": home, "ZDOTDIR": home, "XDG_CONFIG_HOME": f"{home}/.config"}
+    (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / place).write_text(lines[0])
+    started = {"bash": f"source {place}\n{asks}"}.get(shell, asks)
+    options = ["-i", "-c"] if shell == "zsh" else ["-c"]
+    done = subprocess.run([shell, *options, started], env=where, cwd=tmp_path, capture_output=True, text=True, timeout=120,
+                          stdin=subprocess.DEVNULL)
     assert "diagnose" in done.stdout, done.stderr
+    assert "not found" not in done.stderr
+    assert shell != "zsh" or "_compstiff_completion" in done.stdout
 
 
 def test_turns_of_the_intermediate_file_are_those_of_the_pose() -> None:

@@ -56,11 +56,15 @@ class PathView {
       if (some.length) space.points(Float32Array.from(some.flatMap(mark => this.place[mark.index])), 9, name);
     }
     // The worst first: they stand nearest to their places.
-    for (const level of ["error", "warning", "note"])
-      for (const mark of known.filter(one => one.level === level && !named.has(one.line)).slice(0, 12)) {
+    for (const level of ["error", "warning", "note"]) {
+      let room = 12;
+      for (const mark of known.filter(one => one.level === level)) {
+        if (named.has(mark.line) || room === 0) continue;
         named.add(mark.line);
+        room -= 1;
         space.tag(`${level === "note" ? "" : "! "}line ${mark.line}`, "mark").at.set(...this.place[mark.index]);
       }
+    }
     this.halo = space.points(new Float32Array(3), 17, "ink");
     this.cursor = space.points(new Float32Array(3), 11, "page");
     this.halo.renderOrder = 3; this.cursor.renderOrder = 4;

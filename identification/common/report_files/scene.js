@@ -59,12 +59,15 @@ class SpaceView {
   tag(text, kind = "") {
     const element = this.stage.appendChild(document.createElement("span"));
     element.className = `tag ${kind}`; element.textContent = text; element.setAttribute("aria-hidden", "true");
-    this.tags.push({ element, at: new THREE.Vector3() });
+    // The line from a label down to its place, behind all labels.
+    const stem = kind === "mark" ? this.stage.insertBefore(document.createElement("i"), element) : null;
+    if (stem) stem.className = "stem";
+    this.tags.push({ element, stem, at: new THREE.Vector3() });
     return this.tags.at(-1);
   }
 
   // A label above its place, higher where another one stands already, all of it on the stage; below it where there is no room.
-  placed(x, y, word) {
+  placed(x, y, word, stem) {
     const { signs, stage: { clientWidth: width, clientHeight: height } } = this, wide = word.offsetWidth, high = word.offsetHeight;
     const left = Math.min(Math.max(x - wide / 2, 2), width - wide - 2);
     let top = y - high - 16;
@@ -73,8 +76,8 @@ class SpaceView {
     while (taken() && top > 2) top -= high / 2;
     if (taken()) for (top = y + 12; taken() && top < height - high; top += high / 2);
     signs.push({ left, top, wide, high });
-    word.style.setProperty("--foot", `${Math.min(Math.max(x - left, 0), wide)}px`);
-    word.style.setProperty("--lift", `${Math.max(y - top - high, 0)}px`);
+    stem.style.height = `${Math.max(y - top - high, 0)}px`;
+    stem.style.transform = `translate(${left + Math.min(Math.max(x - left, 0), wide)}px, ${top + high}px)`;
     return [left, top];
   }
 
@@ -196,10 +199,10 @@ class SpaceView {
       this.axes.geometry.setPositions(ends);
       const { offsetLeft: left, offsetTop: top, offsetWidth: wide, offsetHeight: high } = this.views;
       this.signs = [{ left, top, wide, high }];
-      for (const { element, at } of this.tags) {
+      for (const { element, stem, at } of this.tags) {
         const [x, y] = this.onStage(at.x, at.y, at.z);
-        element.style.transform = element.classList.contains("mark")
-          ? `translate(${this.placed(x, y, element).map(Math.round).join("px, ")}px)` : `translate(${x}px, ${y}px) translate(-50%, -50%)`;
+        element.style.transform = stem
+          ? `translate(${this.placed(x, y, element, stem).map(Math.round).join("px, ")}px)` : `translate(${x}px, ${y}px) translate(-50%, -50%)`;
       }
       this.renderer.render(this.scene, this.camera);
     });
@@ -210,8 +213,10 @@ function stageOf(figure, hint) {
   const live = figure.querySelector(".live"), stage = live.querySelector(".stage");
   if (!document.createElement("canvas").getContext("webgl2")) throw new Error("no WebGL 2");
   figure.classList.add("has-view");
-  const words = stage.appendChild(document.createElement("span"));
+  // Behind the stage: on a telephone it stands below, where it covers nothing of the picture.
+  const words = document.createElement("p");
   words.className = "hint"; words.textContent = hint;
+  stage.after(words);
   return stage;
 }
 

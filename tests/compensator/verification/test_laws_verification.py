@@ -228,6 +228,21 @@ def test_gain_and_scale_are_found(passes: dict[str, Path], tmp_path: Path) -> No
     assert "http" not in page.split("<body>")[1].split("<script>")[0]
 
 
+@pytest.mark.parametrize(("tolerance", "word"), [(1000, "ACCEPTED"), (1, "NOT ACCEPTED")])
+def test_either_answer_has_a_step_to_copy_and_names_the_worst_place(
+        passes: dict[str, Path], tmp_path: Path, tolerance: float, word: str) -> None:
+    """The step that the terminal tells, as a command; and where the part is worst, by the file's own numbers."""
+    report = tmp_path / "r.html"
+    result = verify(passes["cell"], passes["before"], passes["after"], "--tolerance-um", tolerance, "--report", report)
+    assert "add --predicted" in result.output
+    page = re.sub(r"<[^>]+>", "", report.read_text().split("<body>")[1])
+    assert word in page
+    assert re.search(r"compstiff verify \S*cell.yaml \S*before.csv \S*after.csv --predicted", page)
+    target, *size = np.loadtxt(passes["after"], delimiter=",", skiprows=1).T
+    worst = target[np.argmax(np.linalg.norm(size, axis=0))]
+    assert f"at target {worst:.0f}" in page
+
+
 @pytest.mark.parametrize(("name", "options"), [("places", ("--frame", "workobject")), ("normal", ())])
 def test_the_scale_in_other_frames_and_along_the_normal(passes: dict[str, Path], name: str, options: tuple[str, ...]) -> None:
     result = verify(passes["cell"], passes[name], passes[name], "--predicted", passes["predicted"], *options, "--json")

@@ -15,7 +15,7 @@ from identification.common.typeset import typeset
     ("left 5.96 um RMS", "left 5.96\xa0µm RMS"), ("residual [um]", "residual [µm]"), ("0.2 urad", "0.2\xa0µrad"),
     ("30.14 -> 4.88 um", "30.14\xa0→ 4.88\xa0µm"), ("4.1e-05 +- 6e-07 rad", "4.1e-05\xa0±\xa06e-07\xa0rad"),
     ("95 % (4.95e+06 ... 5.05e+06)", "95\xa0% (4.95e+06\xa0… 5.05e+06)"), ("k [N m/rad]", "k [N\xa0m/rad]"),
-    ("torque_nm = 160 N*m", "torque_nm = 160\xa0N·m"),
+    ("torque_nm = 160 N*m", "torque_nm = 160\xa0N·m"), ("urad", "µrad"), ("urad/(N*m)", "µrad/(N·m)"), ("um/N", "µm/N"),
 ])
 def test_marks(plain: str, printed: str) -> None:
     assert typeset(plain) == printed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -293,6 +294,22 @@ def test_a_joint_that_cannot_be_seen_is_said(tmp_path: Path) -> None:
     assert any("k6" in f["message"] for f in result.json["findings"]), result
     low, high = stiffness(tmp_path)["parameters"][5]["interval_95"]
     assert high / low > 20
+
+
+def test_terminal_and_report_tell_the_same_next_step(tmp_path: Path, data: Data) -> None:
+    """After good measurements whether springs are all there is; after three rows what to measure, and no correction."""
+    for rows, step in ((len(data.text().splitlines()), "diagnose"), (4, "design")):
+        folder = tmp_path / step
+        folder.mkdir()
+        text = "\n".join(data.text().splitlines()[:rows]) + "\n"
+        result = identify(folder, text, "--report", str(folder / "r.html"))
+        assert result.code == 0, result
+        told = re.findall(r"next: (compstiff .*)", result.err)
+        page = re.sub(r"<[^>]+>", "", (folder / "r.html").read_text(encoding="utf-8"))
+        first = re.findall(r"compstiff (?:diagnose|design|correct) .*?(?=Copy)", page)[0]
+        assert told[0].split()[:2] == first.split()[:2] == ["compstiff", step]
+        assert "compstiff correct" not in result.err
+    assert re.search(r"2 sigma: a factor \d", page)
 
 
 SERIAL = """\

@@ -30,18 +30,24 @@ def browser(launch: Callable[..., Any]) -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
-def folder(pytestconfig: pytest.Config, tmp_path_factory: pytest.TempPathFactory, sample: Corrected) -> Path:
-    """Every kind of report, `diagnose` with every verdict, and corner, each .html. Without `--long` not those that only long
-    tests look at."""
-    where, cell = tmp_path_factory.mktemp("reports"), sample.planned.cell
+def results(pytestconfig: pytest.Config, tmp_path_factory: pytest.TempPathFactory, sample: Corrected) -> dict[str, Any]:
+    """Every kind of result that has a report, `diagnose` with every verdict. Without `--long` not those that only long tests
+    look at."""
+    where, cell = tmp_path_factory.mktemp("results"), sample.planned.cell
     turned = compstiff.read_measurements(turned_measurements(where), cell.robot)
-    results = {
+    return {
         "correct": sample, "predict": sample.planned, "budget": compstiff.error_budget(sample.planned, 50e-6),
         "identify": compstiff.fit_stiffness(cell, turned), "diagnose": compstiff.diagnose(cell, turned, replicates=19),
         "verify": verification(where, cell),
         "design": compstiff.design_plan(cell, compstiff.Request(measurements=1, axes="z"), quick=True),
         "learn": learning(where, sample.planned), **joint_logs(where),
         **diagnoses(where, () if pytestconfig.getoption("--long") else LIKE_ANOTHER)}
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory, results: dict[str, Any]) -> Path:
+    """Their reports, and corner, each .html."""
+    where = tmp_path_factory.mktemp("reports")
     pages = {name: compstiff.report(result) for name, result in results.items()}
     # An L: 80 along x, then 30 along y.
     corner = SpaceLine(np.array([[0.0, 0, 0], [80, 0, 0], [80, 30, 0]]), "before", 4.0)

@@ -51,7 +51,7 @@ def verification(folder: Path, cell: Cell) -> Verification:
 
 # What each verdict of `diagnose` is shown on: seed, and what is hidden in 20 poses.
 VERDICTS = {"adequate": (66, ()), "named": (40, (Hidden("base_rocking", None, 2.0),)),
-            "ambiguous": (70, (Hidden("base_rocking", None, 0.6),)), "unknown": (65, (Hidden("hose_pull", None, 2.0),))}
+            "ambiguous": (70, (Hidden("base_rocking", None, 0.6),)), "unknown": (67, (Hidden("hose_pull", None, 4.0),))}
 # Pages of the kind that another page has too are looked at with --long.
 LIKE_ANOTHER = ("predict", "named", "ambiguous")
 BENCH = "name: bench\nprior: {stiffness_nm_per_rad: [4e6, 4e6, 4e6, 0.5e6, 0.5e6, 0.3e6], relative_std: 2.0}\n"

@@ -38,6 +38,17 @@ PIXELS = """canvas => {
 }"""
 
 
+# How many labels the stem of another one is drawn over.
+STEMS_OVER_LABELS = """(() => {
+  const boxes = name => [...document.querySelectorAll(name)].map(one => [one.getBoundingClientRect(),
+                                                                        Number(getComputedStyle(one).zIndex)]);
+  const stems = boxes(".stem");
+  if (!stems.some(([box]) => box.height > 5)) return "no stem";
+  return boxes(".tag.mark").filter(([label, layer]) => stems.some(([stem, under]) => under >= layer
+    && label.left < stem.left && stem.left < label.right && label.top < stem.bottom && stem.top < label.bottom)).length;
+})()"""
+
+
 # A folder in which a picture of every report is kept for people to look at.
 SCREENSHOTS = os.environ.get("COMPSTIFF_SCREENSHOTS", "")
 
@@ -70,6 +81,11 @@ def test_no_request_no_complaint_no_overflow(browser: Any, folder: Path, name: s
         over = found.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
         if SCREENSHOTS:
             found.page.screenshot(path=Path(SCREENSHOTS) / f"{name}-{media}-{width}.png", full_page=True)
+            if (width, media) == (1200, "screen"):
+                found.page.emulate_media(color_scheme="dark")
+                found.page.wait_for_timeout(150)
+                found.page.screenshot(path=Path(SCREENSHOTS) / f"{name}-dark-{width}.png", full_page=True)
+                found.page.emulate_media(color_scheme="light")
         assert over <= 0, f"{name} is {over} px too wide for {width} px, {media}"
         cut = found.page.evaluate("[...document.querySelectorAll('.stack')].filter(one => "
                                   "one.scrollWidth > one.parentElement.clientWidth).length")
@@ -222,6 +238,11 @@ def test_labels_in_space_can_be_read(browser: Any, folder: Path, width: int) -> 
                 apart = (abs(box["x"] - other["x"]) >= min(box["width"], other["width"])
                          or abs(box["y"] - other["y"]) >= box["height"])
                 assert apart, f"two labels on each other, {side}"
+        assert found.page.evaluate(STEMS_OVER_LABELS) == 0, side
+    names = found.page.locator(".tag.mark").all_inner_texts()
+    assert len(set(names)) == len(names), f"one label a line: {names}"
+    below = found.page.locator(".hint").bounding_box()["y"] >= stage["y"] + stage["height"]
+    assert below == (width < 640), "on a telephone the hint covers nothing"
     ground = found.page.eval_on_selector(".tag.mark", "one => getComputedStyle(one).backgroundColor")
     assert ground == "rgb(255, 255, 255)"
     found.page.close()
@@ -293,6 +314,21 @@ def test_on_paper(browser: Any, folder: Path, name: str) -> None:
     assert min(heights) > 80
     assert max(heights) < 900
     assert found.page.pdf(format="A4")[:5] == b"%PDF-"
+    found.page.close()
+
+
+@pytest.mark.parametrize("name", each_kind(("adequate", "design", "named")))
+def test_sentences_in_tables_have_room_on_paper(browser: Any, folder: Path, name: str) -> None:
+    """A wide table neither squeezes its sentences into columns of single words, nor is it wider than the sheet."""
+    found = opened(browser, folder / f"{name}.html", width=688)
+    found.page.emulate_media(media="print")
+    found.page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    widths = found.page.locator("th.words, td.words").evaluate_all(
+        "cells => cells.map(cell => cell.clientWidth).filter(width => width)")
+    assert min(widths, default=200) >= 130
+    over = found.page.locator("main table").evaluate_all(
+        "all => Math.max(...all.map(one => one.getBoundingClientRect().right)) - document.documentElement.clientWidth")
+    assert over <= 0
     found.page.close()
 
 
@@ -371,6 +407,49 @@ def test_what_makes_most_of_it_uncertain_is_said_first(folder: Path, sample: Cor
     text = (folder / "correct.html").read_text(encoding="utf-8")
     order = [text.index(words) for words in ("BUT THE CUT IS NOT STATED", "nobody stated the cut", "compstiff verify")]
     assert order == sorted(order)
+
+
+def test_every_verdict_of_diagnose_is_looked_at(results: dict[str, Any]) -> None:
+    """The pages are of the verdicts that they are named by."""
+    found = {name: results[name].verdict for name in (*VERDICTS, "mistake") if name in results}
+    assert found == {name: name for name in found}
+    assert {"adequate", "unknown", "mistake"} <= set(found)
+
+
+def test_the_signature_calls_noise_only_what_is_noise(results: dict[str, Any]) -> None:
+    """Where a cause is named and more is left than noise makes, the picture says so as the words do."""
+    diagnosis = results["diagnose"]
+    assert diagnosis.verdict == "named"
+    assert "The scatter about it is noise." in compstiff.report(diagnosis)
+    more = compstiff.report(replace(diagnosis, judgement=replace(diagnosis.judgement, law_differs=True)))
+    assert "something smaller is at work beside it" in more
+    assert "The scatter about it is noise." not in more
+
+
+def test_what_the_tolerance_is_spent_on_ends_where_the_cut_ends(browser: Any, folder: Path, results: dict[str, Any]) -> None:
+    """Not over the air between two cuts: the widest of these gaps is empty in the chart."""
+    path, targets = results["budget"].corrected.predicted.path, results["budget"].corrected.predicted.targets
+    length = path.length[targets]
+    gap = int(np.argmax(np.diff(length)))
+    found = opened(browser, folder / "budget.html")
+    chart = found.page.locator("section", has=found.page.get_by_role("heading", name="What the tolerance is spent on"))
+    lines = chart.locator(".wide path.line.stroke-ink, .wide path.line.stroke-s2").evaluate_all(
+        "all => all.map(one => one.getAttribute('d'))")
+    assert len(lines) == 2
+    for line in lines:
+        stretches = [np.array(re.findall(r"[-\d.]+", part), dtype=float)[::2] for part in line.split("M")[1:]]
+        across = np.concatenate(stretches)
+        place = across.min() + (np.array([length[gap], length[gap + 1]]) - length[0]) / np.ptp(length) * np.ptp(across)
+        middle = place.mean()
+        assert np.ptp(place) > 5
+        assert not any(part.min() < middle < part.max() for part in stretches)
+    found.page.close()
+
+
+def test_the_name_of_a_column_stays_as_it_is(folder: Path) -> None:
+    text = (folder / "mistake.html").read_text(encoding="utf-8")
+    sentence = re.findall(r'<span class="sentence">(\w+)', text)
+    assert sentence == ["dx"]
 
 
 def test_numbers_arrive_as_they_were_packed(browser: Any, folder: Path) -> None:
