@@ -112,11 +112,12 @@ def diagnose(
 
         files[report] = page_of(diagnosis, extended=extended if extended in files else None).encode()
     write_whole(files, overwrite=session.overwrite, read=session.read)
-    following = _next_after(diagnosis.verdict, cell_file, measurements_file, output, diagnosis.measurements.weights)
+    as_good_as = "named" if diagnosis.judgement.choice_is_small else diagnosis.verdict
+    following = _next_after(as_good_as, cell_file, measurements_file, output, diagnosis.measurements.weights)
     if diagnosis.verdict == "named" and diagnosis.judgement.unsettled:
         again = call("diagnose", cell_file, measurements_file, "-o", output, "--force")
         following = f"warm the robot up, measure again, then {again}"
-    elif extended in files and diagnosis.verdict in USABLE:
+    elif extended in files and as_good_as in USABLE:
         following = use_of_stiffnesses(diagnosis.cell.robot, cell_file, extended)
     return Outcome(content, (*diagnosis.findings, *refused), diagnosis.lines(), next_step=following,
                    exit_code=REFUSED if refused else DONE)

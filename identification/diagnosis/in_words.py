@@ -119,7 +119,7 @@ def _verdict(judgement: Judgement) -> list[str]:
                for mistake in judgement.mistakes), *left_out]
     if judgement.robot_difference is not None:
         lines.append(f"for a correction the choice makes {1e6 * judgement.robot_difference:.1f} um RMS under the measured "
-                     "loads")
+                     f"loads{': small beside these, no further load is needed for it' if judgement.choice_is_small else ''}")
     return lines
 
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import rms
 from identification.diagnosis.blocks import Thinning
 from identification.diagnosis.detect import Detection
 from identification.diagnosis.discrimination import NextLoad
@@ -29,6 +30,8 @@ from identification.model.effects_in_force import EffectInForce
 Array = NDArray[np.float64]
 # Of the readings that were left out so many poses and rows are told by name.
 MOST_NAMED = 4
+# What a choice makes of a correction is small under such a share of the deflections that were measured.
+SMALL_CHOICE = 0.02
 # What would not show at so many times its typical size (force_gain never does) is no matter of some further rows.
 FAR = 10.0
 Verdict = Literal["adequate", "named", "ambiguous", "unknown", "mistake"]
@@ -160,6 +163,14 @@ class Judgement:
         with."""
         models = (self.extended, *(rival.fitted for rival in self.rivals), *((self.carried,) if self.carried else ()))
         return any(term.effect.unsettles for model in models for term in model.terms)
+
+    @property
+    def choice_is_small(self) -> bool:
+        """Whether it is open which of several causes it is, and a correction need hardly know: whatever it is, the robot does
+        nearly the same."""
+        if self.carried is None or self.unsettled or self.mistakes or self.robot_difference is None:
+            return False
+        return self.verdict == "ambiguous" and self.robot_difference < SMALL_CHOICE * rms(np.nan_to_num(self.rows.deflection))
 
     @property
     def rows(self) -> Measurements:

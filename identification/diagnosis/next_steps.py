@@ -36,13 +36,18 @@ def steps_of(diagnosis: Diagnosis, extended: Path | None = None) -> list[Step]:
                                   call(*again, "--mend", "MENDED", "--force"))]
     written = call(*again, "--extended", EXTENDED, "--force")
     if verdict == "ambiguous":
+        doing = use_it.split()[0]
+        use_now = f"{doing.capitalize()} now" if diagnosis.judgement.choice_is_small else f"Or {doing} now"
         likeliest = "has the likeliest of them, and what the others would change in its sigmas"
         now = [] if diagnosis.judgement.carried is None or diagnosis.judgement.unsettled else [
-            Step(f"Or {use_it.split()[0]} now with {extended.name}, which {likeliest}:", corrected)] if extended else [
-            Step(f"Or {use_it.split()[0]} now: write the file that {likeliest}:", written),
+            Step(f"{use_now} with {extended.name}, which {likeliest}:", corrected)] if extended else [
+            Step(f"{use_now}: write the file that {likeliest}:", written),
             Step(f"Then {use_it} with it:", corrected)]
         # The loads are what the command plans.
         planned = call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", *weights, "-o", "more.csv")
+        if diagnosis.judgement.choice_is_small:
+            return [*now, Step("Only to know which it is: plan loads that tell them apart, measure them, add the rows, "
+                               "diagnose again:", planned), *checks]
         return [Step("Plan loads that tell them apart; measure them, add the rows, diagnose again:", planned), *checks, *now]
     if verdict == "unknown":
         first = checks or [Step("Look at the residuals below: a pose, an axis or a time that stands out says where to look.")]

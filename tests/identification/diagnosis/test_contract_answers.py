@@ -108,6 +108,25 @@ def test_a_contradiction_never_leaves_the_program(rocking: Diagnosis) -> None:
         assert [cause.label for cause in back.alternatives][:1] == [found.causes[0].label]
 
 
+@pytest.mark.parametrize("share", [0.019, 0.021])
+def test_a_choice_that_hardly_matters_asks_for_no_further_load(rocking: Diagnosis, share: float) -> None:
+    """Under a fiftieth of the deflections that were measured the correction comes first, on the terminal and in the report."""
+    cell, rows, found = rocking.cell, rocking.measurements, rocking.judgement
+    measured = float(np.sqrt(np.nanmean(found.plain.data.rows.deflection**2)))
+    other = replace(found.causes[0], effect=effects()["stand_compliance"])
+    said = Diagnosis(cell, rows, Judgement(
+        "ambiguous", found.plain, found.extended, found.detection, alternatives=(*found.causes, other),
+        robot_difference=share * measured, carried=found.extended))
+    small = share < 0.02
+    assert said.judgement.choice_is_small is small
+    assert any("no further load is needed" in line for line in said.lines()) is small
+    text, steps = steps_in(diagnosis_report(said))
+    assert steps[:2] == (["diagnose", "correct"] if small else ["design", "diagnose"]), text
+    assert steps_in(diagnosis_report(said, Path("mine.json")))[1][0] == ("correct" if small else "design")
+    # Without a model to correct with there is nothing else to do.
+    assert not replace(said.judgement, carried=None).choice_is_small
+
+
 def test_a_long_set_of_names_says_how_long_it_is(rocking: Diagnosis) -> None:
     """Of eleven eight are printed, six are in the warning and three in the report's first sentence."""
     cell, rows, found = rocking.cell, rocking.measurements, rocking.judgement
