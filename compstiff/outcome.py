@@ -69,11 +69,13 @@ def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str
     from identification.common.findings import CompstiffError, Finding
 
     progress.shown.set(sys.stderr.isatty() and not session.quiet and not session.as_json)
-    before = len(files.written)
+    before, known = len(files.written), len(files.earlier)
     try:
         outcome = body()
     except CompstiffError as stopped:
-        return Outcome(findings=stopped.findings), STATUS.get(stopped.exit_code, "failed"), stopped.exit_code
+        old = [path for path in dict.fromkeys(files.earlier[known:]) if path not in files.written[before:]]
+        findings = (*stopped.findings, *_of_earlier_calls(old))
+        return Outcome(findings=findings), STATUS.get(stopped.exit_code, "failed"), stopped.exit_code
     except (KeyboardInterrupt, click.Abort):
         # The demo writes in several steps; every other command in one, its last.
         if len(files.written) > before and session.command != "demo" and not session.jobs:
@@ -85,6 +87,16 @@ def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str
     except Exception as defect:
         return Outcome(findings=(_defect(session, defect),)), "defect", DEFECT
     return outcome, STATUS.get(outcome.exit_code, "failed"), outcome.exit_code
+
+
+def _of_earlier_calls(outputs: list[Path]) -> list[Finding]:
+    """That files stand where outputs were to be, and are not of this call (CS0014): another program may take them for its."""
+    from identification.common.findings import Finding, verb
+
+    there = [path.name for path in outputs if path.is_file()]
+    names = " and ".join([", ".join(there[:-1]), there[-1]] if there[1:] else there)
+    return [Finding("CS0014", "warning", f"{names} {verb(len(there), 'stand')} there still, of an earlier call: nothing was "
+                    "written now", hint="go by the exit code, or delete them first")] if there else []
 
 
 def _defect(session: Session, defect: Exception) -> Finding:

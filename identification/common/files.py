@@ -25,6 +25,8 @@ FileStamp = tuple[int, int, int, int]
 Content = bytes | Iterator[bytes]       # of a file, or its blocks
 # Output files of this process that are in place: from then on an interrupt finds the work done.
 written: list[Path] = []
+# Output files that were there before, of another call, and are to be overwritten.
+earlier: list[Path] = []
 PAUSES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.6)       # [s]
 LONGEST_NAME = 255      # bytes of a file's name, on every usual file system
 TEMPORARY = ".part"
@@ -97,6 +99,8 @@ def check_writable(paths: Iterable[Path], *, overwrite: bool) -> None:
         if not path.parent.is_dir():
             raise error("CS0004", f"cannot be written: there is no folder {path.parent}", file=str(path),
                         hint="make the folder first")
+        if path.is_file():
+            earlier.append(path)
 
 
 def check_distinct(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:

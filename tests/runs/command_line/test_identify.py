@@ -526,3 +526,26 @@ def test_a_column_that_is_not_read_is_reported(tmp_path: Path, data: Data, colum
 def test_one_moment_of_three_is_not_taken_silently(tmp_path: Path, data: Data) -> None:
     result = identify(tmp_path, data.text(more={"mx_nm": [0] * 36}), "--json")
     assert result.code == 1 or result.json["findings"], result.err
+
+
+def test_outputs_of_an_earlier_call_are_told_where_this_one_ends_without_its_own(tmp_path: Path) -> None:
+    """They are whole and not of these inputs: a script that does not look at the exit code would take them. Not told where
+    there are none, nor where this call wrote its own."""
+    cell, table, output, page = (tmp_path / name for name in ("cell.yaml", "m.csv", "stiffness.json", "identify.html"))
+    cell.write_text(CELL)
+
+    def called(text: str) -> list[str]:
+        table.write_text(text)
+        done = kit.run("identify", cell, table, "-o", output, "--report", page, "--force", "--json")
+        assert (done.code == 0) == ("CS0203" not in kit.codes(done)), done
+        return [one["message"] for one in done.json["findings"] if one["code"] == "CS0014"]
+
+    good = measured().text()
+    bad = measured().text(swap={(1, "dx_um"): "lost"})
+    assert called(bad) == []
+    assert called(good) == []
+    assert called(good) == []
+    before = output.read_bytes()
+    assert called(bad) == [
+        "stiffness.json and identify.html stand there still, of an earlier call: nothing was written now"]
+    assert output.read_bytes() == before
