@@ -69,6 +69,8 @@ set +m
 wanted='.[test,samples,benchmark]'
 { "$environment/bin/pip" install --quiet uv && "$environment/bin/uv" pip install --quiet --python "$environment/bin/python" -e "$wanted"; } \
     2>/dev/null || "$environment/bin/pip" install --quiet -e "$wanted"
+# A package whose text makes Python warn when it is compiled, which is an error in the tests: compiled here.
+"$environment/bin/python" -W ignore -c 'import toppra'
 
 echo "== lint"
 "$environment/bin/ruff" check .
