@@ -100,7 +100,7 @@ def test_a_pass_corrected_at_added_targets_is_not_corrected_twice(tmp_path: Path
     assert_allclose(offsets_in_cut(second), had, atol=0.04 * np.linalg.norm(had, axis=1).max())
     # Of an earlier version, without the offsets of the added targets: as if the pass had been uncorrected, and it is said.
     lines = (tmp_path / "first.csv").read_text().splitlines()
-    (tmp_path / "first.csv").write_text("\n".join(line.rpartition(",")[0] for line in lines) + "\n")
+    (tmp_path / "first.csv").write_text("\n".join(line.rsplit(",", 2)[0] for line in lines) + "\n")
     without, found = corrected("without", two, logged_with=tmp_path / "first.csv")
     assert "CS4130" in {finding.code for finding in found.findings}
     assert np.linalg.norm(offsets_in_cut(without)[0]) > (1 + 0.7 * grows) * np.linalg.norm(had[0])
