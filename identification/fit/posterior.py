@@ -29,6 +29,7 @@ from identification.common.arrays import read_only
 from identification.common.findings import error
 from identification.fit.fitted_model import Term, predicted_deflection, response, with_terms
 from identification.fit.heavy_tails import OwnErrors, log_tails, student_weights
+from identification.fit.linear_start import check_sign, start_of
 from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
 from identification.fit.marginal import Draws, posterior_draws, shrunk
@@ -39,7 +40,6 @@ from identification.fit.priors import PriorModel
 from identification.fit.sag import BesideWeight, sag_columns
 from identification.fit.student import DEGREES
 from identification.fit.variance_components import ComponentPosterior, Trials, integrated_out, likeliest, log_covariance
-from identification.model.compliance import regressor
 from identification.model.effects_in_force import EFFECTS, SPRINGS, split
 from identification.model.load_state import LoadState
 
@@ -229,8 +229,9 @@ def posterior(
     if not np.any(rows.wrench != 0):
         raise error("CS1009", "no loaded row has the purpose identify: all are kept for validation", file=rows.source)
     model = _FittedModel(data, tuple(terms), np.nan_to_num(rows.deflection), with_terms(data.prior, terms))
-    _check_sign(data, model.readings)
-    x = np.concatenate([_start(data, model.readings) if near is None else near.log_compliance, *(term.start for term in terms)])
+    check_sign(data, model.readings)
+    springs = start_of(data, model.readings) if near is None else near.log_compliance
+    x = np.concatenate([springs, *(term.start for term in terms)])
     components = VarianceComponents() if near is None else near.components.of_the_usual_parts()
     row_weight = np.ones(len(rows))
     further = Way((), SetUp.TURNED)
@@ -348,60 +349,6 @@ def _maximise(model: _FittedModel, at: Linearised, weights: Weights | BesideWeig
                 "deviations", file=model.data.rows.source, hint="check the units and the prior")
 
 
-def _start(data: LoadTest, readings: Array) -> Array:
-    """MAP (eq. 12) of the linear model z = A c with the stated noise: damped Gauss-Newton in ln c from the prior's median."""
-    lognormal = PriorModel(data.prior.prior)
-    x = -np.log(lognormal.prior.stiffness)
-    noise, columns = noise_model(data, np.exp(x)), _regressor(data)
-    weights = noise.weights(VarianceComponents())
-    a = noise.whitening @ columns
-    information = weights.inner(a, a)
-    projected = weights.inner(a, np.einsum("nij,nj->ni", noise.whitening, readings)[:, :, None])[:, 0]
-
-    def objective(x: Array) -> float:
-        c = np.exp(x)
-        return float(c @ information @ c - 2 * projected @ c + 2 * lognormal.value(x))
-
-    damping, value = 1e-3, objective(x)
-    for _ in range(200):
-        c = np.exp(x)
-        gradient = c * (projected - information @ c) - lognormal.gradient(x)
-        curvature = c[:, None] * information * c + lognormal.precision(x)
-        step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
-        step *= min(1.0, 2.0 / max(np.max(np.abs(step)), 1e-300))
-        trial = objective(x + step)
-        if trial <= value:
-            finished = value - trial < 1e-9 * (1 + abs(value))
-            x, value, damping = x + step, trial, 0.2 * damping
-            if finished:
-                break
-        else:
-            damping = 5 * damping + 1e-12
-    return x
-
-
 def _read_only(values: Array) -> Array:
     read_only(values)
     return values
-
-
-def _regressor(data: LoadTest) -> Array:
-    """A (n, 3, 6) of the linear model z = A c."""
-    return regressor(data.cell.robot, data.rows.theta, data.cell.flange_from_tcp, data.rows.wrench)[:, :3]
-
-
-def _check_sign(data: LoadTest, readings: Array) -> None:
-    """Refuses (CS1010) data that the prior's deflections explain best with a negative factor, joint by joint and in all."""
-    prior_compliance = 1 / data.cell.prior.stiffness
-    noise = noise_model(data, prior_compliance)
-    weights = noise.weights(VarianceComponents())
-    shape = noise.whitening @ (_regressor(data) * prior_compliance)
-    reading = np.einsum("nij,nj->ni", noise.whitening, readings)[:, :, None]
-    along, strength = weights.inner(shape, reading)[:, 0], np.sqrt(np.diag(weights.inner(shape, shape)))
-    whole = shape.sum(axis=2, keepdims=True)
-    factor = float(weights.inner(whole, reading)[0, 0] / weights.inner(whole, whole)[0, 0])
-    seen = strength > 3
-    if seen.any() and factor < 0 and np.all(along[seen] < 0):
-        raise error("CS1010", f"the data prefer all compliances negative: the tool moved against the force (best factor on "
-                    f"the expected deflections {factor:.2f})", file=data.rows.source,
-                    hint="forces are those that act ON the tool; deflection is loaded minus unloaded position")

@@ -220,7 +220,8 @@ def test_completion(shell: str, tmp_path: Path) -> None:
 def test_shells_complete_with_the_lines_of_the_page(shell: str, place: str, asks: str, tmp_path: Path) -> None:
     """Each shell started with what docs/pipeline.md tells to write into its file, in an empty home: the word is completed."""
     if shutil.which(shell) is None:
-        pytest.skip(f"{shell} is not installed")
+        assert shell != "bash"
+        pytest.skip(f"{shell} is not installed: its line on the page is not tried on this machine")
     page = (PIPELINE.parents[1] / "docs/pipeline.md").read_text(encoding="utf-8").partition("## Completion")[2]
     lines = re.findall(rf"```{shell}\n(.*?)```", page, re.S)
     assert len(lines) == 1
