@@ -110,6 +110,29 @@ def test_intervals_hold_for_an_arm_whose_weight_nobody_states(tmp_path) -> None:
     assert np.mean(np.abs(off) < 1.96) > 0.9
 
 
+def test_the_quick_covariance_has_the_weight_that_nobody_states_free(tmp_path: Path) -> None:
+    """The block of the springs in the inverse of all that is free, written out; near what the draws have, and wider than with
+    the weight known."""
+    cell_path, rows_path = second_cell.simulate(HANGING[0], "few", "near", weight="unknown").write(tmp_path)
+    cell = read_cell(cell_path)
+    found = posterior(LoadTest.of(cell, read_measurements(rows_path, cell.robot)))
+    count = 3 * len(found.data.rows)
+    unit = np.eye(count).reshape(-1, 3, count)
+    precision = found.weights.inner(unit, unit)
+    beside = found.beside.reshape(count, -1)
+    assert beside.shape[1] > 5
+    everything = np.concatenate([found.at_map.design.reshape(count, -1), beside], axis=1)
+    degrees = found.components.degrees
+    shrunk = 1.0 if np.isinf(degrees) else (degrees + 3) / (degrees + 5)
+    curvature = everything.T @ precision @ everything + np.diag([0.0] * 6 + [1.0] * beside.shape[1])
+    own, cross, other = curvature[:6, :6], curvature[:6, 6:], curvature[6:, 6:]
+    springs = shrunk * (own - cross @ np.linalg.inv(other) @ cross.T) + found.prior.precision(found.map)
+    assert_allclose(found.quick_covariance, np.linalg.inv(springs), rtol=1e-6, atol=1e-12)
+    std = np.sqrt(np.diag(found.quick_covariance))
+    assert_allclose(std, np.sqrt(np.diag(found.covariance)), rtol=0.35)
+    assert np.max(std / np.sqrt(np.diag(np.linalg.inv(shrunk * own + found.prior.precision(found.map))))) > 1.02
+
+
 def five_loads(folder: Path, text: str, seed: int, noise: tuple[float, float, float]) -> tuple[Cell, Measurements]:
     """Five poses with one load each along the base axes; noise: sensor [m], force (relative), re-seating [m]."""
     rng = np.random.default_rng(seed)
