@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -85,6 +86,18 @@ def free_port() -> int:
     """A port of this machine on which nobody listens now."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         return int(server.getsockname()[1])
+
+
+def answers(port: int, within: float = 120.0) -> None:
+    """Returns once somebody listens on this port of this machine; raises OSError after `within` [s]."""
+    end = time.monotonic() + within
+    while True:
+        try:
+            return socket.create_connection(("localhost", port), timeout=5.0).close()
+        except OSError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.1)
 
 
 def processes_in(folder: Path, word: bytes) -> list[int]:

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from distributed import Client
     from distributed import Future as Task
 
-# [s] for a scheduler to answer, and for its first worker to come.
-PATIENCE = 10.0
+# [s] for a scheduler to answer, and for its first worker to come: a busy machine takes over 10 to load either.
+PATIENCE = 30.0
 # What computes: another release may give other last digits.
 LIBRARIES = ("numpy", "scipy", "pyarrow", "toppra")
 START = "start workers with: dask worker ADDRESS --nthreads 1 --nworkers auto"
@@ -171,7 +171,7 @@ def _answers(client: Client, shared: Shared, address: str) -> dict[str, Any]:
         answers: dict[str, Any] = client.run(standing, *shared.files, on_error="return")
         if not any(isinstance(answer, OSError) for answer in answers.values()):
             return answers
-        time.sleep(PATIENCE / 10)
+        time.sleep(PATIENCE / 30)
     raise error("CS6043", "has workers that do not stay", file=address, hint="see what the workers print")
 
 

@@ -27,7 +27,7 @@ from compstiff.batch.programs import Shared
 from compstiff.batch.running import correct_programs
 from tests.compstiff.batch.deadly import Deadly, dies_at_a
 from tests.compstiff.batch.programs import Shop, shop
-from tests.support import free_port, processes_in, started
+from tests.support import answers, free_port, processes_in, started
 
 
 @pytest.fixture
@@ -40,9 +40,10 @@ TLS = ("--tls-ca-file", "--tls-cert", "--tls-key")
 
 @contextmanager
 def cluster(folder: Path, workers: int, *, threads: int = 1, tls: tuple[Path, ...] = ()) -> Iterator[str]:
-    """A scheduler with its workers, as one starts them; its address."""
+    """A scheduler that listens, with its workers on their way, as one starts them; its address."""
     kind = "tls" if tls else "tcp"
-    address = f"{kind}://localhost:{free_port()}"
+    port = free_port()
+    address = f"{kind}://localhost:{port}"
     options = ["--no-dashboard", *(word for pair in zip(TLS, tls, strict=False) for word in pair)]
     with ExitStack() as stack:
         words = stack.enter_context((folder / "dask.txt").open("a"))
@@ -51,7 +52,8 @@ def cluster(folder: Path, workers: int, *, threads: int = 1, tls: tuple[Path, ..
             stack.enter_context(started(sys.executable, "-m", f"distributed.cli.{module}", *more, *options, cwd=folder,
                                         stdout=words, stderr=words))
 
-        start("dask_scheduler", "--host", f"{kind}://localhost", "--port", address.rpartition(":")[2])
+        start("dask_scheduler", "--host", f"{kind}://localhost", "--port", port)
+        answers(port)
         if workers:
             start("dask_worker", address, "--nworkers", workers, "--nthreads", threads, "--local-directory", folder / "dask")
         yield address
