@@ -37,6 +37,14 @@ newest() {
     done
 }
 
+# install INTO WHAT...: uv installs in a tenth of pip's time. Where it is not to be had, or finds less than pip as that is set up
+# here, pip installs.
+install() {
+    local into=$1
+    shift
+    "$work/uv/bin/uv" pip install --quiet --python "$into/bin/python" "$@" 2>/dev/null || "$into/bin/pip" install --quiet "$@"
+}
+
 # The program from a wheel in an environment of its own, which begins while that of the tests is being installed: on the newest
 # Python at hand, since what differs between Pythons shows there first. What that part of the tests needs comes after the demo.
 beside_the_tests() {
@@ -45,18 +53,20 @@ beside_the_tests() {
     "${newest:-$python}" -m venv "$work/empty"
     echo "== the demo from a wheel, in an empty environment, on $("$empty/python" --version)"
     "$empty/pip" wheel --quiet --no-deps --wheel-dir "$work/wheel" .
-    "$empty/pip" install --quiet "$work"/wheel/*.whl
+    install "$work/empty" "$work"/wheel/*.whl
     (cd "$work" && empty/bin/compstiff demo demo && ls demo/insert_corrected.mod demo/correct.html >/dev/null)
 
     # Reading, files, effects and a command: the packages of the checkout, which lies before those of the wheel. Not the demo
     # again, and no laws that are arithmetic alone, the same on every Python.
     if [ -n "$newest" ]; then
-        "$empty/pip" install --quiet pytest hypothesis mujoco rapidchecker
+        install "$work/empty" pytest hypothesis mujoco rapidchecker
         "$empty/python" -m pytest -q -p no:cacheprovider tests/compensator/rapid tests/identification/model \
             --ignore=tests/identification/model/test_laws_{kinematics,compliance,robots,soft_track}.py \
             tests/without_posix tests/runs/command_line/test_identify.py
     fi
 }
+
+{ "$python" -m venv "$work/uv" && "$work/uv/bin/pip" install --quiet uv; } 2>/dev/null || true
 
 # A group of processes of its own, so that all of it ends where this ends; -e counts in it because nobody asks for its outcome here.
 set -m
@@ -64,11 +74,8 @@ set -m
 beside=$!
 set +m
 
-# uv installs in a tenth of pip's time. Where it is not to be had, or finds less than pip as that is set up here, pip installs.
 "$python" -m venv "$environment"
-wanted='.[test,samples,benchmark]'
-{ "$environment/bin/pip" install --quiet uv && "$environment/bin/uv" pip install --quiet --python "$environment/bin/python" -e "$wanted"; } \
-    2>/dev/null || "$environment/bin/pip" install --quiet -e "$wanted"
+install "$environment" -e '.[test,samples,benchmark]'
 # A package whose text makes Python warn when it is compiled, which is an error in the tests: compiled here.
 "$environment/bin/python" -W ignore -c 'import toppra'
 
