@@ -153,4 +153,11 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
      "True -> False", "parts of one axis, as many of the columns as of the deflection"),
     ("identification/motion/transmission.py", "if span < LEAST_SPAN:", "< -> <=",
      "a bound on a real number, met exactly by none"),
+    ("compensator/coefficients/fit.py", "parts = np.array_split(found.residual, max(len(found.residual) // NEIGHBOURS, 1))",
+     "// -> /", "numpy takes the whole part of how many parts are asked for"),
+    ("compensator/cutting/stock.py", "kept = height[np.insert(np.diff(height) > SAME_LEVEL, 0, True)]", "> -> >=",
+     "a bound on a real number, met exactly by none"),
+    ("identification/fit/student.py",
+     "own = np.where(model.measured, residual - weights.shared(residual[:, :, None])[:, :, 0], 0.0)", "0.0 -> 1",
+     "the precision of a component that was not measured is nothing"),
 )

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from compensator.cutting.cut import _check_near
 from compensator.cutting.stock_file import read_stock
 from identification.common.findings import CompstiffError
+from tests.compensator.cutting.milled import FLAT, track_along
 from tests.compensator.cutting.solids import ascii_stl, binary, box_faces, stock_of
 
 FACES = box_faces((-60.0, -40.0, -20.0), (60.0, 40.0, 0.0))
@@ -72,3 +75,14 @@ def test_flat_faces_are_levels_and_upright_walls_need_no_layers(tmp_path: Path) 
     stock = read_stock(stock_of(tmp_path, binary(np.concatenate([step, tower])))).stock(np.array([-4e-3]), 0.0)
     assert 1e3 * stock.height == pytest.approx([-20, -7, -7 + 1e-3, -4, 0], abs=3e-3) or 1e3 * stock.height == pytest.approx(
         [-20, -7, -4, 0], abs=3e-3)
+
+
+@pytest.mark.parametrize(("moved_mm", "away"), [
+    ((0, 0, 0), False), ((140, 0, 0), True), ((-140, 0, 0), True), ((0, 100, 0), True), ((0, -100, 0), True),
+    ((0, 0, -30), True), ((120, 0, 0), False), ((0, -45, 0), False)])
+def test_a_blank_beside_the_program_is_refused_on_every_side(tmp_path: Path, moved_mm: tuple[float, ...], away: bool) -> None:
+    """A way of 120 mm along the middle, 4 mm deep, with a cutter of 16 mm: the blank reaches as far as 60 and 40 mm."""
+    track = track_along(np.array([[-60.0, 0.0, -4.0], [60.0, 0.0, -4.0]]), 0.1, 0.5)
+    blank = read_stock(stock_of(tmp_path, binary(FACES + np.array(moved_mm, dtype=float))))
+    with pytest.raises(CompstiffError, match="CS4715") if away else nullcontext():
+        _check_near(blank, track, FLAT)

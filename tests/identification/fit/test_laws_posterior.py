@@ -288,6 +288,15 @@ def test_the_sign_turned_round_is_refused(tmp_path) -> None:
     assert "ON the tool" in caught.value.findings[0].hint
 
 
+def test_readings_that_show_nothing_have_no_wrong_sign(tmp_path) -> None:
+    """Loads of a newton under micrometres of noise: the springs stay those of the prior, whatever sign the noise has."""
+    cell, rows = simulate(tmp_path, np.random.default_rng(12))
+    noise = 3e-6 * np.random.default_rng(13).standard_normal(rows.deflection.shape)
+    for sign in (1, -1):
+        fit = fit_stiffness(cell, replace(rows, wrench=1e-3 * rows.wrench, deflection=sign * noise))
+        assert not set(fit.model.grades) & {"reliable"}
+
+
 def test_only_validation_rows(tmp_path) -> None:
     cell, rows = simulate(tmp_path, np.random.default_rng(8))
     with pytest.raises(CompstiffError, match="CS1009"):
