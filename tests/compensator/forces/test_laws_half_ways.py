@@ -16,12 +16,13 @@ from tests.compensator.forces.test_contract_placement import CELL, QUATERNION
 
 # Places of the targets [mm] along x, and the feed of the move to each [mm/s].
 PLACES = np.array([0.0, 30.0, 34.0, 42.0, 46.0, 50.0, 58.0, 60.0, 90.0])
+EAX = "[9E9,9E9,9E9,9E9,9E9,9E9]"
 FEEDS = np.array([100.0, 100.0, 20.0, 20.0, 10.0, 20.0, 20.0, 20.0, 100.0])
 
 
 def program(folder: Path) -> RobotPath:
     moves = "\n".join(
-        f"Move{'L' if i else 'J'} [[{1000 + x},0,700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],"
+        f"Move{'L' if i else 'J'} [[{1000 + x},0,700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],{EAX}],"
         f"[{v},500,5000,1000],z0,tSpindle;" for i, (x, v) in enumerate(zip(PLACES, FEEDS, strict=True)))
     (folder / "cell.yaml").write_text(CELL)
     return robot_path(read_rapid(f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath,
