@@ -171,21 +171,21 @@ def _air(
             each = np.array([np.average(load[batch], axis=0, weights=samples[batch]) for batch in batches])
             squares += ((each - each.mean(axis=0)) ** 2).sum(axis=0) * samples.sum() / len(batches)
             degrees += len(batches) - 1
-    if rest < FEW:
-        scatter += (FEW - rest) * _beside(loads, rows, in_air)
-        rest = FEW
+    beside = _beside(loads, rows, in_air) if rest < FEW else None
+    if beside is not None:
+        scatter, rest = scatter + (FEW - rest) * beside, FEW
     missing = max(FEW - degrees, 0)
     noise = np.sqrt((squares + missing * scatter / max(rest, 1)) / (degrees + missing))
     return Air(np.array(means), np.array(falls), noise, total)
 
 
-def _beside(loads: Array, rows: TargetRows, in_air: NDArray[np.bool_]) -> Array:
+def _beside(loads: Array, rows: TargetRows, in_air: NDArray[np.bool_]) -> Array | None:
     """Variance (6,) of one sample by how far rows that follow each other on moves in the air differ, in the middle: what
-    drifts, or touches, is no noise. Targets (N,) reached and left in the air; 0 where there are too few."""
+    drifts, or touches, is no noise. Targets (N,) reached and left in the air; None where there are too few."""
     calm = (in_air & np.append(in_air[1:], True))[rows.target]
     pairs = np.flatnonzero(calm[1:] & calm[:-1])
     if len(pairs) < FEW:
-        return np.zeros(6)
+        return None
     steps = np.abs(of_six(loads[pairs + 1] - loads[pairs]))
     return np.asarray(0.5 * np.mean(rows.weight[pairs]) * (np.median(steps, axis=0) / MEDIAN) ** 2)
 
