@@ -13,15 +13,15 @@ from compensator.coefficients.fitted import FittedCoefficients
 from compensator.coefficients.next_cut import next_cut
 from compensator.coefficients.stock_top import by_top, said_of_the_top, too_large
 from compensator.correction.logged_pass import driven_as_said
-from compensator.correction.places_between import on_half_ways, places_between
-from compensator.correction.predict import Predicted, predict, read_log
+from compensator.correction.places_between import places_between
+from compensator.correction.predict import Predicted, predict
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import Cut, cut_of
 from compensator.cutting.cutter import cutter_of, said_of_cutter
 from compensator.cutting.materials import MATERIALS, coefficients_of
 from compensator.cutting.posterior import ForcePosterior, ForceRows, fit_coefficients
-from compensator.cutting.rows import ENOUGH, FEWEST, logged_rows
+from compensator.cutting.rows import FEWEST, logged_rows
 from compensator.cutting.runout import missing_force
 from compensator.cutting.settings import CuttingSettings
 from compensator.cutting.stock_file import Blank, read_stock
@@ -80,9 +80,6 @@ def cutting_coefficients(
     predicted = predict(cell, program, model, forces, settings)
     blank, rpm = read_stock(stock), settings.log.spindle_rpm
     cut, placed, rows, used = _held_against(predicted, blank, rpm)
-    if len(rows.force) < ENOUGH and (spread := on_half_ways(read_log(predicted.path, forces, settings), predicted.path)):
-        predicted = predict(cell, program, model, spread, settings)
-        cut, placed, rows, used = _held_against(predicted, blank, rpm)
     if len(rows.force) < FEWEST:
         raise error("CS4730", f"only {counted(len(rows.force), 'place')} with a force and engaged as the stock says, expected "
                     f"at least {FEWEST}", file=predicted.forces.log.source,

@@ -15,13 +15,10 @@ from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.pass_offsets import PassOffsets, offsets_of_pass
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
-from compensator.forces.placement import ForceLog
 from compensator.forces.program_time import moves_in_air
 from compensator.forces.target_forces import TargetForces
-from compensator.path.arc_length import borders
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
-from identification.common.findings import Finding
 
 Indices = NDArray[np.intp]
 # Moves are cut into pieces of this length [m] and longer, with so many samples in each: neighbours remember each other.
@@ -42,21 +39,6 @@ def places_between(predicted: Predicted) -> tuple[RobotPath, TargetForces, Array
     aside = offsets.over(fine, grid.kept)
     aside[points] += predict_path(LoadedPath(fine, forces, predicted.model, points, predicted.loaded.learned)).position
     return fine, forces, aside
-
-
-def on_half_ways(log: ForceLog, path: RobotPath) -> ForceLog | None:
-    """A log that names the nearest target by path length: the samples of each as taken evenly, by the programmed time, over the
-    half ways beside it, which its mean is that of. None for another log, or where that time or the way is not known."""
-    time = np.cumsum(np.insert(path.move_time[1:], 0, 0.0))
-    if log.key != "target" or path.cell.force_log.form.target == "ahead" or path.toolpath.driven is not None or (
-            path.toolpath.ways or not np.isfinite(time).all() or not np.isfinite(path.length).all()):
-        return None
-    border = np.interp(borders(path.length), path.length, time)
-    start, end = np.insert(border, 0, time[0]), np.append(border, time[-1])
-    spread = log.on_stretches(start, end)
-    said = Finding("CS3040", "note", "few targets: the samples of each count as taken evenly over the half ways "
-                   "beside it", file=log.source)
-    return replace(spread, place=np.interp(spread.place, time, path.length), time=None, findings=(*log.findings, said))
 
 
 def _offsets(predicted: Predicted) -> PassOffsets:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.forces.half_ways import on_half_ways
 from compensator.forces.home import counted_from_home
 from compensator.forces.log import ForceLog
 from compensator.forces.map_matching import match_nearest_pass
@@ -32,7 +33,7 @@ LEAST = 0.1
 
 def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     """The log with the key `path_mm`, NaN where a sample is not on the path; a log that names the target nearest to the tool as
-    it is. Rows whose place nobody knows are left out.
+    it is where it tells nothing between targets (half_ways.py). Rows whose place nobody knows are left out.
 
     Raises CompstiffError: CS3004 a target beyond the program, CS3005 no target of known position, CS3010 several tools or work
     objects, CS3121 positions come late in a log without time, CS3124 path lengths behind a target of unknown position, and what
@@ -62,7 +63,9 @@ def _on_path(log: ForceLog, path: RobotPath) -> ForceLog:
         _check_targets(log, path)
         if not any(finding.code == "CS3132" for finding in log.findings):
             log = replace(log, findings=(*log.findings, *said_of_numbers(log, path)))
-        return log if path.cell.force_log.form.target == "nearest" else _on_the_way(log, path)
+        if path.cell.force_log.form.target == "ahead":
+            return _on_the_way(log, path)
+        return log if any(finding.code == "CS3132" for finding in log.findings) else on_half_ways(log, path)
     if log.key == "time":
         return replace(place_by_time(log, path), on_path=True)
     points, length = polyline(path.world_position, path.toolpath.move)

@@ -93,7 +93,8 @@ def place_forces(
     with_gaps[between] = True
     forces = TargetForces(np.where(with_gaps[:, None], wrench, 0.0), samples, standard_error, with_gaps,
                           zero.bias, (), log.without_rows() if log.key == "target" else log,
-                          *_of_predicted(log, on, rows, forced), zero_std=drifted(own_mean, path, rows, zero, forced))
+                          *_of_predicted(log, on, rows, forced),
+                          zero_std=max(drifted(own_mean, path, rows, zero, forced), zero.own_std))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *said_of_gaps(log, path, forces, between),
                  *said_of_left_out(log, path, forces, on),

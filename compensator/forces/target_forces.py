@@ -27,7 +27,8 @@ class TargetForces:
     log: by path length; where it names targets without its rows, which nobody asks for again. unknown (N, 3, 3) [N^2], base
     frame: covariance of forces that were predicted; follows (N, 3, 3) [N/m]: what those change by where the tool stands off
     its plan. None where they were logged. held (k,): targets all of whose samples stood still (health.py), of which no force
-    is known. zero_std [N]: 1 sigma of each axis of the sensor's zero, as moves in the air beside the tare show it.
+    is known. zero_std [N]: 1 sigma of each axis of the sensor's zero, as its tare and moves in the air beside
+    that show it.
     """
 
     wrench: Array

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
 from compensator.forces.payload import Payload, estimate_payload, turns, weight
@@ -32,8 +33,11 @@ UNITS = {"kgf": FREE_FALL, "lbf": 4.4482216}
 HEAVY_TURNED, TURNED_BIAS, SAME_SIZE = 200.0, 0.7, 0.1
 # From so many degrees on it points the other way, and not merely aside.
 UPWARDS = 150.0
-# A noise told by fewer degrees of freedom is not taken by them alone: by four it may be told three times too small.
+# A noise told by fewer degrees of freedom is not taken by them alone: by four it may be told three times too small. A bias that
+# is the mean of fewer samples is known badly, and said.
 FEW = 8
+# A median of absolute values of a normal distribution, in sigmas.
+MEDIAN = 0.6745
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +61,11 @@ class Zero:
     noise: Array | None
     findings: tuple[Finding, ...]
     tared: float = np.inf
+
+    @property
+    def own_std(self) -> float:
+        """1 sigma [N] of each axis of a bias that is the mean of so many samples, root mean square; 0 without a tare."""
+        return 0.0 if self.noise is None else float(np.sqrt(np.mean(self.noise[:3] ** 2) / self.tared))
 
     def __post_init__(self) -> None:
         read_only(*(array for array in (self.offset, self.bias, self.noise) if array is not None))
@@ -93,7 +102,7 @@ def zero_of(
     weighs = form.kind != "base" and form.weight != "removed"
     mass, centre = (form.mass, form.centre) if weighs else (None, None)
     findings: list[Finding] = []
-    air = _air(log, loads, rows, fall, tare) if tare else None
+    air = _air(log, loads, rows, fall, tare, moves_in_air(path.toolpath)) if tare else None
     if air is not None and not mass and weighs and len(tare) > 1:
         payload = estimate_payload(air.fall, form.sign * air.mean, has_moment=log.has_moment)
         findings.append(_estimated(payload, air, log))
@@ -117,7 +126,7 @@ def zero_of(
         findings += _answered(doubts(tared, tare), trusted=trusted)
         biases = air.mean - _per_stretch(held, rows, tare)
         bias = biases.mean(axis=0)
-        findings += _tared(log, biases, bias, mass, tare)
+        findings += _tared(log, biases, bias, mass, tare, air)
         stated_weight = _per_stretch(held, rows, tare)[:, :3].mean(axis=0)
         findings += _taken_back(log, bias[:3], stated_weight, mass)
         findings += _turned_round(log, bias[:3], stated_weight, mass)
@@ -133,10 +142,13 @@ def zero_of(
                 np.inf if air is None else air.samples)
 
 
-def _air(log: ForceLog, loads: Array, rows: TargetRows, fall: Array, tare: Sequence[Range]) -> Air:
+def _air(
+    log: ForceLog, loads: Array, rows: TargetRows, fall: Array, tare: Sequence[Range], in_air: NDArray[np.bool_]
+) -> Air:
     """Means over the stretches. The noise is such that sigma of a mean of n samples is noise / sqrt(n), correlation between
     neighbours included: from up to 32 consecutive batches; where those are few the scatter of the samples themselves, which
-    such a correlation hides from, stands in for what is missing to FEW."""
+    such a correlation hides from, stands in for what is missing to FEW, and where they are few too, that of neighbours on the
+    other moves in the air (N,)."""
     means, falls, squares, degrees, scatter = [], [], np.zeros(6), 0, np.zeros(6)
     rest, total = 0, 0.0
     for first, last in tare:
@@ -159,9 +171,23 @@ def _air(log: ForceLog, loads: Array, rows: TargetRows, fall: Array, tare: Seque
             each = np.array([np.average(load[batch], axis=0, weights=samples[batch]) for batch in batches])
             squares += ((each - each.mean(axis=0)) ** 2).sum(axis=0) * samples.sum() / len(batches)
             degrees += len(batches) - 1
+    beside = _beside(loads, rows, in_air) if rest < FEW else None
+    if beside is not None:
+        scatter, rest = scatter + (FEW - rest) * beside, FEW
     missing = max(FEW - degrees, 0)
     noise = np.sqrt((squares + missing * scatter / max(rest, 1)) / (degrees + missing))
     return Air(np.array(means), np.array(falls), noise, total)
+
+
+def _beside(loads: Array, rows: TargetRows, in_air: NDArray[np.bool_]) -> Array | None:
+    """Variance (6,) of one sample by how far rows that follow each other on moves in the air differ, in the middle: what
+    drifts, or touches, is no noise. Targets (N,) reached and left in the air; None where there are too few."""
+    calm = (in_air & np.append(in_air[1:], True))[rows.target]
+    pairs = np.flatnonzero(calm[1:] & calm[:-1])
+    if len(pairs) < FEW:
+        return None
+    steps = np.abs(of_six(loads[pairs + 1] - loads[pairs]))
+    return np.asarray(0.5 * np.mean(rows.weight[pairs]) * (np.median(steps, axis=0) / MEDIAN) ** 2)
 
 
 def _answered(doubts: list[Finding], *, trusted: bool) -> list[Finding]:
@@ -205,11 +231,18 @@ def _estimated(payload: Payload | None, air: Air, log: ForceLog) -> Finding:
                    file=log.source)
 
 
-def _tared(log: ForceLog, biases: Array, bias: Array, mass: float | None, tare: Sequence[Range]) -> list[Finding]:
+def _tared(
+    log: ForceLog, biases: Array, bias: Array, mass: float | None, tare: Sequence[Range], air: Air
+) -> list[Finding]:
     """What is said of the bias, the mean of those (k, 6) of each stretch."""
     where = ", ".join(f"{first} to {last}" for first, last in tare)
-    findings = [Finding("CS3008", "note", f"bias {_list(bias[:3], 2)} N, mean of targets {where}, was subtracted",
-                        file=log.source)]
+    known = Zero(bias, bias, air.noise, (), air.samples).own_std
+    few = air.samples < FEW and known > 0
+    of = f"{counted(int(air.samples), 'sample')} of targets {where}, known to +-{two_sigma(known):.1f} N" if few else (
+        f"targets {where}")
+    findings = [Finding("CS3008", "warning" if few else "note", f"bias {_list(bias[:3], 2)} N, mean of {of}, was subtracted",
+                        file=log.source, hint="every force is off by what that is off by: name a longer stretch in the air "
+                        "with --tare, or several" if few else "")]
     apart = float(np.linalg.norm(biases[:, :3] - bias[:3], axis=1).max())
     if mass and apart > 0.1 * mass * FREE_FALL:
         findings.append(Finding("CS3046", "warning", f"with a payload of {mass:g} kg taken off, the stretches of --tare differ "

@@ -24,7 +24,7 @@ from compensator.correction.needed_targets import Wanted, beyond_noise, needed_p
 from compensator.correction.settings import Estimate, Settings
 from compensator.forces.target_forces import TargetForces
 from tests.runs.command_line import user_files as kit
-from tests.runs.command_line.test_placement import Path3
+from tests.runs.command_line.test_placement import ORIGIN, Path3
 from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation
 
 # A straight path of 130 mm in pieces of a millimetre, with targets of the program at these.
@@ -592,6 +592,31 @@ def test_where_no_target_can_be_added_none_is_moved_off_the_plan_at_the_edge_of_
     assert now[(at > 115) & (at < 245)].max() < 40e-6 < 200e-6 < before.max()
     if step < 1:
         assert 1e-3 * np.linalg.norm(kit.column(rows, "ox_mm", "oy_mm", "oz_mm"), axis=1)[2] < 5e-6
+
+
+def test_a_log_that_names_targets_in_time_corrects_as_one_of_path_lengths_does(tmp_path: Path) -> None:
+    """A force that begins, turns round and ends between targets 30 to 60 mm apart: the same targets are added, but for what the
+    place of two samples makes, and nothing is left there that the targets alone would leave."""
+    places = np.array([0, 30, 60, 120, 180, 240, 300, 330, 360])
+    path = Path3(np.column_stack([places, *np.zeros((2, len(places)))]))
+    s = np.arange(0, 360, 0.25)
+    number = np.argmin(np.abs(s[:, None] - places), axis=1)
+    push = np.outer(((s > 70) & (s < 290)) * np.where(s < 200, 1.0, -1.0), [50.0, 200.0, -80.0])
+    push += np.random.default_rng(3).normal(0, 0.2, (len(s), 3))
+    made = {}
+    for column, values in (("target", number), ("path_mm", s)):
+        text = f"time_s,{column},fx_n,fy_n,fz_n\n" + "".join(
+            f"{t:.5f},{k:g},{f[0]:.4f},{f[1]:.4f},{f[2]:.4f}\n" for t, k, f in zip(s / 100, values, push, strict=True))
+        (tmp_path / column).mkdir()
+        job = Job(tmp_path / column, program=path.program(), forces=text)
+        assert job.correct("--tare", "0:1").code == 0
+        made[column] = np.array([1e3 * (ORIGIN.inv() @ frame).p for frame in kit.targets_of(job.out.read_text())])
+    assert len(made["target"]) > len(places) + 6
+    along = np.linspace(40, 320, 1121)
+    offsets = [np.column_stack([np.interp(along, where[:, 0], where[:, axis]) for axis in (1, 2)]) for where in made.values()]
+    off = 1e3 * np.linalg.norm(offsets[0] - offsets[1], axis=1)
+    assert np.median(off) < 1
+    assert np.mean(off > 5) < 0.02
 
 
 def test_a_log_that_names_targets_says_that_the_edge_of_a_cut_is_not_known(tmp_path: Path) -> None:

@@ -67,7 +67,8 @@ def test_the_noise_of_a_tare_is_that_of_its_samples(count: int, offset: float) -
         loads = offset + 2.0 * rng.standard_normal((count, 6))
         rows = SimpleNamespace(between=lambda first, last: np.arange(count), weight=np.ones(count),
                                target=np.zeros(count, dtype=int))
-        air = _air(log_of([0.0]), loads, cast(TargetRows, rows), np.zeros((1, 3)), [(0, 0)])
+        air = _air(log_of([0.0]), loads, cast(TargetRows, rows), np.zeros((1, 3)), [(0, 0)],
+                   np.zeros(1, dtype=bool))
         noise.append(air.noise)
         assert air.samples == count
     # 240 x 5 and 48 x 31 degrees of freedom: within 2 % and 2 %, one sigma.

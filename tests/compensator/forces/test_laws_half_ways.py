@@ -1,0 +1,76 @@
+"""A log that names the nearest target stands where the tool was when its samples were taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.forces.log import ForceLog, read_force_log
+from compensator.forces.log_path import on_path
+from compensator.path.robot_path import RobotPath, robot_path
+from compensator.rapid import read_rapid
+from identification.model.cell import read_cell
+from tests.compensator.forces.test_contract_placement import CELL, QUATERNION
+
+# Places of the targets [mm] along x, and the feed of the move to each [mm/s].
+PLACES = np.array([0.0, 30.0, 34.0, 42.0, 46.0, 50.0, 58.0, 60.0, 90.0])
+EAX = "[9E9,9E9,9E9,9E9,9E9,9E9]"
+FEEDS = np.array([100.0, 100.0, 20.0, 20.0, 10.0, 20.0, 20.0, 20.0, 100.0])
+
+
+def program(folder: Path) -> RobotPath:
+    moves = "\n".join(
+        f"Move{'L' if i else 'J'} [[{1000 + x},0,700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],{EAX}],"
+        f"[{v},500,5000,1000],z0,tSpindle;" for i, (x, v) in enumerate(zip(PLACES, FEEDS, strict=True)))
+    (folder / "cell.yaml").write_text(CELL)
+    return robot_path(read_rapid(f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath,
+                      read_cell(folder / "cell.yaml"))
+
+
+def driven(rate: float, waits: dict[int, float], override: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, places [mm] and nearest targets of the samples of a tool that goes as programmed, times an override, and waits [s]
+    at targets."""
+    when, where, now = [0.0], [0.0], 0.0
+    for number, (step, feed) in enumerate(zip(np.diff(PLACES), FEEDS[1:], strict=True), start=1):
+        now += step / (feed * override)
+        when.append(now)
+        where.append(PLACES[number])
+        if number in waits:
+            now += waits[number]
+            when.append(now)
+            where.append(PLACES[number])
+    time = np.arange(0.0, now, 1 / rate)
+    place = np.interp(time, when, where)
+    return time, place, np.argmin(np.abs(place[:, None] - PLACES), axis=1)
+
+
+def placed(folder: Path, time: np.ndarray, number: np.ndarray, *, with_time: bool = True) -> ForceLog:
+    rows = [f"{t:.4f},{k},1,0,0" if with_time else f"{k},1,0,0" for t, k in zip(time, number, strict=True)]
+    (folder / "forces.csv").write_text("\n".join([f"{'time_s,' * with_time}target,fx_n,fy_n,fz_n", *rows]) + "\n")
+    return on_path(read_force_log(folder / "forces.csv"), program(folder))
+
+
+@pytest.mark.parametrize("waits", [{}, {3: 0.6, 6: 2.0}])
+@pytest.mark.parametrize("override", [1.0, 0.7])
+def test_the_samples_stand_where_the_tool_was(tmp_path: Path, waits: dict[int, float], override: float) -> None:
+    """Within the way of two samples, where feeds differ from move to move, and where the robot waits at targets."""
+    time, place, number = driven(100.0, waits, override)
+    log = placed(tmp_path, time, number)
+    assert log.key == "path_mm"
+    assert "CS3040" in {finding.code for finding in log.findings}
+    cuts = (place > 32) & (place < 59)
+    off = np.abs(1e3 * log.place - place)[cuts]
+    assert off.max() < 2 * 20 * override / 100
+    # The middle of what the targets alone would have said is a millimetre off.
+    assert np.median(np.abs(PLACES[number] - place)[cuts]) > 0.5 or waits
+
+
+def test_a_log_that_tells_nothing_between_names_its_targets(tmp_path: Path) -> None:
+    """One without time, one of few samples, and one that goes back."""
+    time, _, number = driven(100.0, {})
+    assert placed(tmp_path, time, number, with_time=False).key == "target"
+    few, _, of_few = driven(12.0, {})
+    assert placed(tmp_path, few, of_few).key == "target"
+    assert placed(tmp_path, np.arange(2 * len(time)) / 100, np.append(number, number)).key == "target"
