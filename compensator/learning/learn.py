@@ -14,6 +14,7 @@ from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Estimate, Set
 from compensator.forces.placement import ForceLog
 from compensator.learned.learned import DRIFT, SETUP, Learned
 from compensator.learning.causes import ask, said_of_causes, tested, with_free_laws
+from compensator.learning.cutter_size import said_of_cutter
 from compensator.learning.fitted_part import Believed, fitted_part
 from compensator.learning.learning import Learning
 from compensator.learning.long_moves import said_of_long_moves
@@ -79,24 +80,25 @@ def learn(
     fitted = without
     if asked.terms:
         extended = without.believed.extended(asked.terms, without.x)
-        fitted = fitted_part(asked.rows, predicted, extended, motion, points.source)
+        fitted = fitted_part(asked.rows, predicted, extended, motion, points.source, without.beside)
         asked = tested(asked, without, fitted)
         free = with_free_laws(asked, without, fitted, predicted) if asked.terms else None
         if free is not None:
-            fitted = fitted_part(asked.rows, predicted, free, motion, points.source)
+            fitted = fitted_part(asked.rows, predicted, free, motion, points.source, without.beside)
         fitted = fitted if asked.terms else without
     terms, found = fitted.terms, fitted.posterior
-    parts = _parts(terms, found, rows.value, rows.seen(predicted.prediction.position)[:, 0])
+    parts = _parts(terms, found, terms.rows.value, rows.seen(predicted.prediction.position)[:, 0])
     shown = fitted.believed.model.effects[len(model.effects):]
     in_force = tuple(EffectInForce(term.effect, term.joint) for term in shown)
     learned = Learned(model.mean.copy(), fitted.absolute, found.covariance, terms.frame, found.remainder, in_force,
                       unshown=unshown(fitted.all_terms, fitted.sizes))
-    result = Learning(predicted, terms, fitted.sizes, learned, rows.value, parts,
+    result = Learning(predicted, terms, fitted.sizes, learned, terms.rows.value, parts,
                       _motion(fitted.believed.covariance, found, motion, cell), fitted.chance, fitted.tried, asked,
-                      (len(placed.rows), len(points)), points.source, chosen.logged_with, ())
+                      (len(placed.rows), len(points)), points.source, chosen.logged_with, (), without.beside)
     findings = (*points.findings, *predicted.findings, *driven, *placed.findings, *rows.findings, *normals,
                 *said_of_shift(rows, rows.value, predicted, points.source),
-                *said_of_unseen(rows, predicted, points.source), *said_of(result, before, mean),
+                *said_of_unseen(rows, predicted, points.source), *said_of_cutter(without.beside, points.source),
+                *said_of(result, before, mean),
                 *said_of_causes(asked, points.source))
     refuse_worse(fitted.tried, points.source, findings)
     refuse_without_physics(result, points.source, findings)

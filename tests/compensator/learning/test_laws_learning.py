@@ -618,7 +618,7 @@ def test_the_measured_is_compared_with_the_predicted_of_the_moving_robot(monkeyp
     monkeypatch.setattr(fitted_part, "_linearised", lambda *of: lambda x, job: None)
     monkeypatch.setattr(fitted_part, "without_remainder", lambda *of: None)
     monkeypatch.setattr(fitted_part, "refuse_wrong_factor", refuse)
-    rows: Any = SimpleNamespace(seen=lambda moved: moved @ np.array([[1.0], [0.0], [2.0]]))
+    rows: Any = SimpleNamespace(seen=lambda moved: moved @ np.array([[1.0], [0.0], [2.0]]), along_normals=False)
     moved = 1e-6 * np.array([[40.0, 7.0, -5.0], [10.0, 0.0, 15.0]])
     predicted: Any = SimpleNamespace(prediction=SimpleNamespace(position=moved))
     believed: Any = SimpleNamespace(mean=np.zeros(6), start=None)

@@ -48,6 +48,23 @@ def test_points_beside_the_path_along_their_normals(job: ErringJob, radius: floa
     assert told(job, file, "--tool-radius-mm", radius, "--within-mm", 10) == ({"CS5327"} if said else set())
 
 
+@pytest.mark.parametrize("amount_um", [long(0.0), -50.0, 50.0, long(-200.0)])
+def test_a_cutter_that_is_not_as_thick_as_stated_is_no_softer_robot(job: ErringJob, amount_um: float) -> None:
+    """All walls are cut alike, so that 50 um along all of their normals had made a factor in motion of 1.41, or of 0.79."""
+    file = job.measure(job.first, "normal.csv", along_normal=True)
+    header, *rows = file.read_text().splitlines()
+    values = np.array([row.split(",") for row in rows], dtype=float)
+    values[:, 6] += amount_um
+    file.write_text("\n".join([header, *(",".join(f"{x:.6g}" for x in row) for row in values)]) + "\n")
+    done = learned(job, file, "--tool-radius-mm", RADIUS)
+    assert done.code == 0, done
+    assert abs(done.json["result"]["motion"]["scale"] - job.motion) < 0.02
+    assert ("CS5334" in kit.codes(done)) == bool(amount_um)
+    if amount_um:
+        told_um = done.json["result"]["along_normals"]
+        assert abs(told_um["all_um"] - amount_um) < 3 * told_um["std_um"] < 30
+
+
 def test_a_direction_that_no_point_shows(job: ErringJob) -> None:
     """The normals of upright walls are level; a slot's floor shows the height, and points in space show all."""
     walls = job.measure(job.first, "walls.csv", along_normal=True)
