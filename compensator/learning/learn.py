@@ -20,6 +20,7 @@ from compensator.learning.learning import Learning
 from compensator.learning.long_moves import said_of_long_moves
 from compensator.learning.measured_points import read_points
 from compensator.learning.normals_alone import said_of_normals
+from compensator.learning.other_pass import refuse_other_pass
 from compensator.learning.path_places import place_points
 from compensator.learning.posterior import Posterior, expected
 from compensator.learning.refusals import refuse_without_physics, refuse_worse, said_of
@@ -51,7 +52,7 @@ def learn(
 
     Raises what `predict`, `read_points`, `place_points` and `offsets_of_pass` raise; Refused: CS5310 the measured deviation
     does not follow the predicted, CS5311 the remainder is larger than what physics explains, CS5312 it is worse where it was
-    not learned.
+    not learned, CS5330 along other axes, CS5335 of the pass without the offsets.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -67,8 +68,11 @@ def learn(
     predicted = predict(cell, program, model, forces, plain)
     driven = driven_as_said(replace(predicted, settings=settings))
     placed = place_points(points, predicted, radius, within)
-    rows = rows_of(points, placed, predicted, offsets_of_pass(chosen.logged_with, predicted) if chosen.logged_with else None)
+    offsets = offsets_of_pass(chosen.logged_with, predicted) if chosen.logged_with else None
+    rows = rows_of(points, placed, predicted, offsets)
     told = rows.seen(predicted.prediction.position)[:, 0]
+    if offsets is not None:
+        refuse_other_pass(rows, told, rows.seen(offsets.over(predicted.path)[predicted.targets])[:, 0], points.source)
     normals = [*said_of_long_moves(placed, predicted, points.source),
                *said_of_normals(rows, rows.value, told, predicted, points.source)]
     refuse_wrong_axes(rows, rows.value, told, points.source)
