@@ -22,8 +22,8 @@ from compensator.learning.chance import FALSE_RATE, _ratio, chance_of_remainder
 from compensator.learning.fitted_part import _seen_of_the_job
 from compensator.learning.held_out import held_out
 from compensator.learning.learn import _parts
-from compensator.learning.pages import _along, _verdict
 from compensator.learning.other_pass import refuse_other_pass
+from compensator.learning.pages import _along, _verdict
 from compensator.learning.path_places import _nearest
 from compensator.learning.posterior import posterior
 from compensator.learning.rows import Rows, slope_along
