@@ -18,8 +18,8 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
 
     path: deviation.csv or offsets.csv. within [m]: how far the nearest target may be from a reading that is placed by x_mm y_mm
     z_mm. in_object: the readings are in the cell's work object, else in the base frame. Raises CompstiffError: CS0201 to
-    CS0203, CS6028 the readings cannot be joined with targets, CS4513 the work object may turn against the base. A target
-    without a place (a joint move has none) is near no reading.
+    CS0203, CS6028 the readings cannot be joined with targets, CS6051 no work object is stated, CS4513 it may turn
+    against the base. A target without a place (a joint move has none) is near no reading.
     """
     table = read_table(file, required=("target", *DEVIATION), optional=POSITION, may_be_empty=(*DEVIATION, *POSITION),
                        together=(POSITION,))
@@ -44,6 +44,11 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
     predicted = np.full((len(readings), 3), np.nan)
     predicted[mine] = 1e-6 * table.stack(*DEVIATION)[rows]
     if in_object:
+        if not cell.object_stated:
+            raise error("CS6051", f"is in the work object, and {Path(cell.source or 'cell.yaml').name} states none: how it is "
+                        f"turned against the base, in which {file} is, is not known", file=readings.source,
+                        hint="write the workobject (position_mm, quaternion) that the program declares into cell.yaml, or give "
+                        "the readings in the base frame")
         _check_turning(cell, file)
         predicted = predicted @ (cell.world_from_base.inverse() @ cell.world_from_object).rotation
     findings = []

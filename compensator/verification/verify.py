@@ -15,7 +15,7 @@ from compensator.verification.readings import Indices, Readings, pair, read_read
 from identification.common.added_targets import read_added
 from identification.common.arrays import Array, rms
 from identification.common.findings import Finding, counted, error
-from identification.common.other_axes import along_other_axes
+from identification.common.other_axes import along_other_axes, turned_axes
 from identification.model.cell import Cell
 
 # What readings in another unit are of those in micrometres.
@@ -154,7 +154,8 @@ def _other_axes(before: Readings, predicted: Array, cell: Cell, *, in_object: bo
     turn = (cell.world_from_base.inverse() @ cell.world_from_object).rotation
     name, frame = ("the base frame (--frame base)", turn.T) if in_object else ("the work object (--frame workobject)", turn)
     told = predicted[known]
-    found = along_other_axes(before.deviation[known], told, {name: told @ frame}, rms(before.sigma[known]))
+    measured, sigma = before.deviation[known], rms(before.sigma[known])
+    found = along_other_axes(measured, told, {name: told @ frame}, sigma) or turned_axes(measured, told, sigma)
     if found is None:
         return "", []
     axes, left, as_is = found

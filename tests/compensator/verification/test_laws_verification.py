@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
 
 from compensator.verification.batch_means import mean_along
 from compensator.verification.comparison import compare, estimate_scale
@@ -175,6 +176,9 @@ def test_places_that_got_worse_by_chance_are_as_many_as_stated(tmp_path: Path) -
     assert comparison.verdict == "no difference shown"
     assert comparison.noise_um == pytest.approx(np.sqrt(4 + 25 + 81))
 
+# What a vector's components become along axes that are turned by 25 degrees about z.
+TURNED = Rotation.from_euler("z", 25, degrees=True).as_matrix()
+
 
 @pytest.fixture
 def passes(tmp_path: Path) -> dict[str, Path]:
@@ -201,6 +205,7 @@ def passes(tmp_path: Path) -> dict[str, Path]:
         "places": csv(tmp_path, "places.csv", "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um", np.column_stack([place + 0.1, in_object])),
         "normal": csv(tmp_path, "normal.csv", "target,dn_um,nx,ny,nz", np.column_stack([targets, along, normal])),
         "shifted": csv(tmp_path, "shifted.csv", header, np.column_stack([targets, before + np.array([0, 0, 400])])),
+        "turned": csv(tmp_path, "turned.csv", header, np.column_stack([targets, before @ TURNED])),
         "mirrored": csv(tmp_path, "mirrored.csv", header, np.column_stack([targets, before * [-1, 1, 1]])),
         "predicted": csv(tmp_path, "deviation.csv", "target,x_mm,y_mm,z_mm,dx_um,dy_um,dz_um",
                          np.column_stack([targets, place, base])),
@@ -278,8 +283,19 @@ def test_what_a_scale_does_not_mend_is_said(passes: dict[str, Path], name: str, 
     assert code in {finding["code"] for finding in json.loads(result.stdout)["findings"]}
 
 
+def test_a_work_object_that_the_cell_does_not_state_is_not_taken_for_the_base(passes: dict[str, Path]) -> None:
+    """A program that declares its own stands elsewhere: at 10 degrees a scale of 1.10 had come out as 1.086 +- 0.002."""
+    lines = passes["cell"].read_text().splitlines()
+    passes["cell"].write_text("\n".join(line for line in lines if "workobject" not in line) + "\n")
+    words = (passes["cell"], passes["places"], passes["places"], "--frame", "workobject", "--json")
+    stopped = verify(*words, "--predicted", passes["predicted"])
+    assert (stopped.exit_code, "CS6051" in stopped.output) == (1, True), stopped.output
+    assert verify(*words).exit_code == 0
+
+
 @pytest.mark.parametrize(("name", "options", "said"), [
-    ("mirrored", (), "x with the other sign"), ("before", ("--frame", "workobject"), "the base frame (--frame base)"),
+    ("mirrored", (), "x with the other sign"), ("turned", (), "turned by 25 deg about"),
+    ("before", ("--frame", "workobject"), "the base frame (--frame base)"),
     ("before", (), ""), ("shifted", (), ""), ("places", ("--frame", "workobject"), "")])
 def test_readings_along_other_axes_are_told_and_no_scale_is_advised(
     passes: dict[str, Path], name: str, options: tuple[str, ...], said: str

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.runs.command_line import user_files as kit
 from tests.runs.milling.learning_job import ErringJob
@@ -119,6 +120,15 @@ def test_columns_along_other_axes_teach_nothing(
     assert done.code == (3 if said else 0)
     found = [finding["message"] for finding in done.json["findings"] if finding["code"] in ("CS5330", "CS5310")]
     assert [said in message for message in found] == ([True] if said else [])
+
+
+def test_columns_along_axes_that_are_turned_teach_nothing(job: ErringJob) -> None:
+    """As a measuring machine's own alignment is: at 30 degrees a smooth remainder of 44 um had been learned of it."""
+    turn = Rotation.from_euler("z", 30, degrees=True)
+    done = learned(job, job.measure(job.first, "turned.csv", values_um=turn.inv().apply(job.first.off_um)))
+    assert done.code == 3, done
+    assert "turned by 30 deg about (0.00, 0.00, 1.00)" in next(
+        finding["message"] for finding in done.json["findings"] if finding["code"] == "CS5330")
 
 
 # Long: what is told of the two passes is asked in tests/compensator/learning/test_laws_learning.py.
