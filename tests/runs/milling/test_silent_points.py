@@ -131,6 +131,18 @@ def test_columns_along_axes_that_are_turned_teach_nothing(job: ErringJob) -> Non
         finding["message"] for finding in done.json["findings"] if finding["code"] == "CS5330")
 
 
+def test_points_of_the_mirrored_part_teach_nothing(job: ErringJob) -> None:
+    """78 % of them lie on the path, too; a factor in motion of 0.49 had been learned."""
+    file = job.measure(job.first, "mirrored.csv", values_um=job.first.off_um * [-1, 1, 1])
+    header, *rows = file.read_text().splitlines()
+    values = np.array([row.split(",") for row in rows], dtype=float) * [-1, 1, 1, 1, 1, 1, 1]
+    file.write_text("\n".join([header, *(",".join(f"{x:.6g}" for x in row) for row in values)]) + "\n")
+    done = learned(job, file)
+    assert done.code == 1, done
+    assert "with the other sign of x" in next(
+        finding["hint"] for finding in done.json["findings"] if finding["code"] == "CS5303")
+
+
 # Long: what is told of the two passes is asked in tests/compensator/learning/test_laws_learning.py.
 @pytest.mark.long
 def test_points_of_the_first_part_beside_the_log_of_the_second(job: ErringJob) -> None:
