@@ -257,6 +257,31 @@ def test_the_scale_in_other_frames_and_along_the_normal(passes: dict[str, Path],
     assert scale["interval"][1] - scale["interval"][0] < 0.04
 
 
+@pytest.mark.parametrize("frame", ["base", "workobject"])
+def test_places_on_the_surface_are_those_of_the_tool_beside_it(passes: dict[str, Path], tmp_path: Path, frame: str) -> None:
+    """The table that `learn` takes: 8 mm beside the path along the normal."""
+    target, along, *base = np.loadtxt(passes["normal"], delimiter=",", skiprows=1).T
+    normal = np.array(base).T
+    in_object = np.column_stack([normal[:, 1], -normal[:, 0], normal[:, 2]])       # a quarter turn about z, as above
+    surface = np.column_stack([0.5 * target, 0 * target, 0 * target]) - 8 * in_object
+    columns = np.column_stack([surface, along, in_object if frame == "workobject" else normal])
+    points = csv(tmp_path, "surface.csv", "x_mm,y_mm,z_mm,dn_um,nx,ny,nz", columns)
+    words = (passes["cell"], points, points, "--predicted", passes["predicted"], "--frame", frame, "--json")
+    result = verify(*words, "--tool-radius-mm", "8")
+    assert result.exit_code == 0, result.output
+    low, high = json.loads(result.stdout)["result"]["predicted"]["interval"]
+    assert 1.2 < low < 1.25 < high < 1.3
+
+
+def test_how_far_the_nearest_target_is_is_said(passes: dict[str, Path], tmp_path: Path) -> None:
+    rows = np.loadtxt(passes["places"], delimiter=",", skiprows=1) + np.array([0, 0, 8, 0, 0, 0])
+    points = csv(tmp_path, "beside.csv", "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um", rows)
+    result = verify(passes["cell"], points, points, "--predicted", passes["predicted"], "--json")
+    assert result.exit_code == 1, result.output
+    assert "8.1 mm away in the middle" in next(
+        finding["message"] for finding in json.loads(result.stdout)["findings"] if finding["code"] == "CS6028")
+
+
 @pytest.mark.parametrize(("kind", "exit_code"), [("linear", 0), ("rotary", 1)])
 def test_a_work_object_that_may_turn_against_the_base_is_not_compared(
     passes: dict[str, Path], kind: str, exit_code: int
