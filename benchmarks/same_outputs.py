@@ -19,6 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.virtual_cell.arm import IRB6660
+
 SAMPLES = Path(__file__).resolve().parents[1] / "samples"
 APT = """\
 PARTNO SHELL
@@ -129,7 +131,7 @@ def prepare(folder: Path) -> None:
     rng = np.random.default_rng(5)
     still = ["time_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm"]
     for place, (q4, q5) in enumerate([(0, 90), (40, 60), (-40, 60), (0, 30), (80, 100), (0, 120)]):
-        down = np.array([np.cos(np.radians(q5)), np.sin(np.radians(q4)) * np.sin(np.radians(q5)), -np.sin(np.radians(q5))])
+        down = IRB6660.pose(np.radians([0, 10, 20, q4, q5, 0]), np.zeros(3))[1].inv().apply([0, 0, -1])
         for k in range(40):
             numbers = [place * 10 + 0.1 * k, 0, 10, 20, q4, q5, 0, *(100 * down + rng.normal(0, 0.5, 3) + 5),
                        *(np.cross([0, 0, 0.1], 100 * down) + rng.normal(0, 0.1, 3))]

@@ -32,8 +32,9 @@ UNCERTAIN = 10.0
 # Where the force changes by so much from one orientation to the next [N], RMS, at most this share of it is no weight; and the
 # mass is within these shares of the one that cell.yaml states (engineering judgement: a tool has parts before its sensor).
 CHANGES, NO_WEIGHT, OF_STATED = 5.0, 0.25, (0.2, 1.25)
-# What is said of a spindle that turns; here it stands still.
-OF_THE_SPINDLE = ("CS3027", "CS3028", "CS3035")
+# What is said of a spindle that turns, and of a log without a break; here it stands still, and each orientation may be a log of
+# its own.
+OF_A_PASS = ("CS3025", "CS3027", "CS3028", "CS3035")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,11 @@ class Stills:
         read_only(self.bias, self.bias_std)
         if self.centre is not None and self.centre_std is not None:
             read_only(self.centre, self.centre_std)
+
+    @property
+    def of_a_weight(self) -> bool:
+        """Whether a weight is what the sensor mostly felt."""
+        return all(finding.code != "CS3048" for finding in self.findings)
 
     def as_dict(self) -> dict[str, Any]:
         """Each estimate with standard deviation and 95 % interval (Student)."""
@@ -124,7 +130,7 @@ def still_payload(log: ForceLog, cell: Cell) -> Stills:
     base_from_log = forward(cell.robot, readings.theta, Frame.identity()) @ flange_from_log
     fall = base_from_log.inverse().turn(fall_in_base(cell.world_from_base))
     payload = _payload(fall, readings.load, log)
-    findings = [finding for finding in log.findings if finding.code not in OF_THE_SPINDLE]
+    findings = [finding for finding in log.findings if finding.code not in OF_A_PASS]
     if readings.between:
         findings.append(Finding("CS3038", "note", f"{counted(readings.between, 'sample')} between the orientations not used",
                                 file=log.source))
@@ -227,7 +233,7 @@ def _doubts(payload: Payload, readings: _StillReadings, log: ForceLog) -> list[F
             "CS3048", "warning", f"from orientation to orientation the force changes by {change:.0f} N (RMS), and "
             f"{100 * min(share, 1.0):.0f} % of that is not what any weight does", file=log.source,
             hint="are the force columns in the order of the sensor's axes, the angles and their signs those of the controller, "
-            "force_log.frame right, and did the tool touch nothing? Do not use these numbers"))
+            "force_log.frame right, and did the tool touch nothing? Nothing is written of these numbers"))
     elif log.has_moment and not _has_moment(readings.load, log):
         findings.append(Finding("CS3044", "note", "the centre of mass is not estimated: the moments in the log never change",
                                 file=log.source))

@@ -11,6 +11,7 @@ from compensator.correction.predict import Predicted
 from compensator.correction.settings import Estimate
 from compensator.learned.learned import DRIFT, SETUP, JobFrame
 from compensator.learning.chance import FALSE_RATE, chance_of_remainder
+from compensator.learning.cutter_size import ANY, ASSUMED, common_amount
 from compensator.learning.held_out import HeldOut, held_out
 from compensator.learning.posterior import Posterior, posterior
 from compensator.learning.rows import Rows
@@ -28,6 +29,8 @@ ROUNDS = 3
 # Before the part was measured, 1 sigma: the size of an effect that it showed, in typical sizes, and what only shapes it, as a
 # share of where the search found it. Laws of real gears differ by some ten per cent.
 SIZE, SHAPE = 1.5, 0.3
+# What all rows are off by along their normals is taken for more than is assumed anyhow from so many sigmas on.
+CLEARLY = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +67,8 @@ class Believed:
 class FittedPart:
     """believed: before; terms, sizes: linearised at the end, with what chance and points let in; all_terms: with all of set-up
     and drift; posterior of z less its prior mean; chance: of a remainder as clear as this without one, length [m] at which it
-    is the clearest; tried: stretches left out."""
+    is the clearest; tried: stretches left out. beside [m]: what all rows are off by along their normals, where that is more
+    than is assumed anyhow; the terms have it taken off."""
 
     believed: Believed
     terms: Terms
@@ -74,6 +78,7 @@ class FittedPart:
     chance: float
     length: float
     tried: HeldOut | None
+    beside: Estimate | None = None
 
     @property
     def x(self) -> Array:
@@ -88,17 +93,25 @@ class FittedPart:
 
 
 def fitted_part(
-    rows: Rows, predicted: Predicted, believed: Believed, motion: Estimate, source: str,
+    rows: Rows, predicted: Predicted, believed: Believed, motion: Estimate, source: str, beside: Estimate | None = None,
 ) -> FittedPart:
-    """source: the file of the points.
+    """source: the file of the points; beside: where the rows have been fitted before, and what was taken off them.
 
     Raises Refused (CS5310) where the measured deviation does not follow the predicted.
     """
     frame, mean, size = frame_of(rows, predicted), believed.mean, len(believed.mean)
-    linearised = _linearised(rows, predicted, believed, frame)
+    cutter = ANY if rows.along_normals else 0.0
+    linearised = _linearised(rows, predicted, believed, frame, cutter)
     terms = linearised(believed.start, np.eye(SETUP + DRIFT))
     noise = without_remainder(terms)
     refuse_wrong_factor(terms, noise, rows.seen(predicted.prediction.position)[:, 0] * motion.value, source)
+    if cutter and beside is None:
+        amount = common_amount(terms, noise)
+        if abs(amount.value) > CLEARLY * np.hypot(amount.std, ASSUMED):
+            beside, rows = amount, replace(rows, value=rows.value - amount.value)
+        else:
+            cutter = ASSUMED
+        linearised = _linearised(rows, predicted, believed, frame, cutter)
     for _ in range(ROUNDS - 1):
         terms = linearised(believed.within(mean + posterior(terms, noise).mean[:size]), terms.job)
         noise = without_remainder(terms, noise)
@@ -112,16 +125,16 @@ def fitted_part(
     found = posterior(terms, sizes)
     terms = linearised(believed.within(mean + found.mean[:size]), terms.job)
     found = posterior(terms, sizes)
-    return FittedPart(believed, terms, every, sizes, found, chance, length, held_out(terms, sizes))
+    return FittedPart(believed, terms, every, sizes, found, chance, length, held_out(terms, sizes), beside)
 
 
 def _linearised(
-    rows: Rows, predicted: Predicted, believed: Believed, frame: JobFrame,
+    rows: Rows, predicted: Predicted, believed: Believed, frame: JobFrame, cutter: float,
 ) -> Callable[[Array, Array], Terms]:
-    """The terms at parameters (S,), with a projector (9, 9) on set-up and drift."""
+    """The terms at parameters (S,), with a projector (9, 9) on set-up and drift; cutter [m] as in `Terms`."""
     def terms(x: Array, job: Array) -> Terms:
-        return terms_of(rows, predicted, replace(believed.model, mean=x), believed.mean, believed.covariance, frame,
-                        job)
+        there = replace(believed.model, mean=x)
+        return replace(terms_of(rows, predicted, there, believed.mean, believed.covariance, frame, job), cutter=cutter)
 
     return terms
 

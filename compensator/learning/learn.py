@@ -14,11 +14,13 @@ from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Estimate, Set
 from compensator.forces.placement import ForceLog
 from compensator.learned.learned import DRIFT, SETUP, Learned
 from compensator.learning.causes import ask, said_of_causes, tested, with_free_laws
+from compensator.learning.cutter_size import said_of_cutter
 from compensator.learning.fitted_part import Believed, fitted_part
 from compensator.learning.learning import Learning
 from compensator.learning.long_moves import said_of_long_moves
 from compensator.learning.measured_points import read_points
 from compensator.learning.normals_alone import said_of_normals
+from compensator.learning.other_pass import refuse_other_pass
 from compensator.learning.path_places import place_points
 from compensator.learning.posterior import Posterior, expected
 from compensator.learning.refusals import refuse_without_physics, refuse_worse, said_of
@@ -50,7 +52,7 @@ def learn(
 
     Raises what `predict`, `read_points`, `place_points` and `offsets_of_pass` raise; Refused: CS5310 the measured deviation
     does not follow the predicted, CS5311 the remainder is larger than what physics explains, CS5312 it is worse where it was
-    not learned.
+    not learned, CS5330 along other axes, CS5335 of the pass without the offsets.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -66,8 +68,11 @@ def learn(
     predicted = predict(cell, program, model, forces, plain)
     driven = driven_as_said(replace(predicted, settings=settings))
     placed = place_points(points, predicted, radius, within)
-    rows = rows_of(points, placed, predicted, offsets_of_pass(chosen.logged_with, predicted) if chosen.logged_with else None)
+    offsets = offsets_of_pass(chosen.logged_with, predicted) if chosen.logged_with else None
+    rows = rows_of(points, placed, predicted, offsets)
     told = rows.seen(predicted.prediction.position)[:, 0]
+    if offsets is not None:
+        refuse_other_pass(rows, told, rows.seen(offsets.over(predicted.path)[predicted.targets])[:, 0], points.source)
     normals = [*said_of_long_moves(placed, predicted, points.source),
                *said_of_normals(rows, rows.value, told, predicted, points.source)]
     refuse_wrong_axes(rows, rows.value, told, points.source)
@@ -79,24 +84,25 @@ def learn(
     fitted = without
     if asked.terms:
         extended = without.believed.extended(asked.terms, without.x)
-        fitted = fitted_part(asked.rows, predicted, extended, motion, points.source)
+        fitted = fitted_part(asked.rows, predicted, extended, motion, points.source, without.beside)
         asked = tested(asked, without, fitted)
         free = with_free_laws(asked, without, fitted, predicted) if asked.terms else None
         if free is not None:
-            fitted = fitted_part(asked.rows, predicted, free, motion, points.source)
+            fitted = fitted_part(asked.rows, predicted, free, motion, points.source, without.beside)
         fitted = fitted if asked.terms else without
     terms, found = fitted.terms, fitted.posterior
-    parts = _parts(terms, found, rows.value, rows.seen(predicted.prediction.position)[:, 0])
+    parts = _parts(terms, found, terms.rows.value, rows.seen(predicted.prediction.position)[:, 0])
     shown = fitted.believed.model.effects[len(model.effects):]
     in_force = tuple(EffectInForce(term.effect, term.joint) for term in shown)
     learned = Learned(model.mean.copy(), fitted.absolute, found.covariance, terms.frame, found.remainder, in_force,
                       unshown=unshown(fitted.all_terms, fitted.sizes))
-    result = Learning(predicted, terms, fitted.sizes, learned, rows.value, parts,
+    result = Learning(predicted, terms, fitted.sizes, learned, terms.rows.value, parts,
                       _motion(fitted.believed.covariance, found, motion, cell), fitted.chance, fitted.tried, asked,
-                      (len(placed.rows), len(points)), points.source, chosen.logged_with, ())
+                      (len(placed.rows), len(points)), points.source, chosen.logged_with, (), without.beside)
     findings = (*points.findings, *predicted.findings, *driven, *placed.findings, *rows.findings, *normals,
                 *said_of_shift(rows, rows.value, predicted, points.source),
-                *said_of_unseen(rows, predicted, points.source), *said_of(result, before, mean),
+                *said_of_unseen(rows, predicted, points.source), *said_of_cutter(without.beside, points.source),
+                *said_of(result, before, mean),
                 *said_of_causes(asked, points.source))
     refuse_worse(fitted.tried, points.source, findings)
     refuse_without_physics(result, points.source, findings)

@@ -32,7 +32,8 @@ PARTS = {"predicted": "deflection, as it was predicted", "springs": "springs and
 class Learning:
     """What a measured part taught. parts: the rows' displacement (n,) [m] that each took, by PARTS; measured (n,) [m].
     motion: factor on the deflection; chance: of a remainder as clear as this without one; asked: which causes the part shows.
-    points: used, and in the file `source`; logged_with: the offsets of the pass."""
+    points: used, and in the file `source`; logged_with: the offsets of the pass; beside [m]: what was taken off all numbers
+    along normals, None: nothing."""
 
     predicted: Predicted
     terms: Terms
@@ -48,6 +49,7 @@ class Learning:
     source: str
     logged_with: Path | None
     findings: tuple[Finding, ...]
+    beside: Estimate | None = None
 
     @property
     def setup_on(self) -> bool:
@@ -69,6 +71,8 @@ class Learning:
         return {
             "points": self.points[1], "points_used": self.points[0], "places": len(self.terms.rows.position),
             "measured_um": 1e6 * rms(self.measured),
+            "along_normals": None if self.beside is None else {
+                "all_um": 1e6 * self.beside.value, "std_um": 1e6 * self.beside.std},
             "parts_um": {name: 1e6 * rms(values) for name, values in self.parts.items()},
             "gone": self.gone(),
             "motion": {"scale": self.motion.value, "std": self.motion.std},

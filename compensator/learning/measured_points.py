@@ -29,7 +29,8 @@ COPIES, SHARE = 3, 0.1
 class MeasuredPoints:
     """N points and the n numbers measured at them, in the work object. position (N, 3) [m]; target (N,) that the file names, -1
     where it names none; line (N,) in the file; normal (N, 3), NaN where it is not given. point (n,): of each number; direction
-    (n, 3) unit vector along which it was measured; value, sigma (n,) [m]: measured minus planned, and its 1 sigma."""
+    (n, 3) unit vector along which it was measured; value, sigma (n,) [m]: measured minus planned, and its 1 sigma.
+    along_normals: whether these are the normals."""
 
     source: str
     position: Array
@@ -41,6 +42,7 @@ class MeasuredPoints:
     value: Array
     sigma: Array
     findings: tuple[Finding, ...] = ()
+    along_normals: bool = False
 
     def __post_init__(self) -> None:
         read_only(self.position, self.target, self.normal, self.point, self.direction, self.value, self.sigma)
@@ -89,7 +91,7 @@ def read_points(file: str | Path, cell: Cell) -> MeasuredPoints:
     return MeasuredPoints(table.source, 1e-3 * table.stack(*POSITION), _targets(table), table.line, normal,
                           point.astype(np.intp), directions[point, component].copy(),
                           value, sigma[point], (*table.findings, *findings, *_copied(table, values), *said_of_zeros(
-                              table, 1e-6 * values, np.broadcast_to(sigma[:, None], values.shape))))
+                              table, 1e-6 * values, np.broadcast_to(sigma[:, None], values.shape))), bool(named))
 
 
 def _copied(table: Table, values: Array) -> list[Finding]:

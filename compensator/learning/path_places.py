@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.predict import Predicted
 from compensator.learning.measured_points import MeasuredPoints, left_out
+from compensator.learning.misread_points import misread
 from compensator.path.arc_length import polyline
 from identification.common.added_targets import read_added
 from identification.common.arrays import Array
@@ -52,7 +53,8 @@ def place_points(points: MeasuredPoints, predicted: Predicted, radius: float, wi
     """radius [m]: of the tool, where the points are of the surface; 0: the points are where the tool's centre point was
     planned. within [m]: how far a point may be from the path then.
 
-    Raises CompstiffError: CS5303 too many points too far from the cut, ambiguous, or without force; CS5304 a radius without
+    Raises CompstiffError: CS5303 too many points too far from the cut, ambiguous, or without force, or on it if
+    they are read otherwise (misread_points.py); CS5304 a radius without
     normals, or several work objects; CS3004 a target beyond the program.
     """
     path = predicted.path
@@ -62,6 +64,7 @@ def place_points(points: MeasuredPoints, predicted: Predicted, radius: float, wi
     if not len(position):
         raise error("CS5303", "no two targets of the program that follow each other have force: there is no cut to learn from",
                     file=points.source, hint="is it the log of this program, and the tare right?")
+    otherwise = misread(points, radius, within, position, _frames(predicted)) if (points.target < 0).all() else ""
     distance, place, ambiguous = _nearest(sought, position, along)
     named, numbered = points.target >= 0, tuple[Finding, ...]()
     if named.any():
@@ -88,16 +91,23 @@ def place_points(points: MeasuredPoints, predicted: Predicted, radius: float, wi
         *left_out(points, without, "CS5307", "were cut where the log shows no force", "leave points of the entry out"),
     ]
     kept = np.flatnonzero(~lost)
-    if lost.sum() > MOST_LOST * len(points) or not len(kept):
+    if otherwise or lost.sum() > MOST_LOST * len(points) or not len(kept):
         stopped = error("CS5303", f"only {counted(len(kept), 'point')} of {len(points)} have a place of their own on the "
                         "cutting path", file=points.source,
-                        hint="is it the part of this program, in its work object, in millimetres?")
+                        hint=(f"nearly all would, read {otherwise}: " if otherwise else "is it the part of this program? ")
+                        + "x_mm y_mm z_mm, and normals, are in its work object, in millimetres")
         raise CompstiffError(*stopped.findings, *findings)
     order = kept[np.argsort(place[kept], kind="stable")]
     time = np.cumsum(np.nan_to_num(path.move_time, posinf=0.0))
     targets = predicted.targets
     when = (1 - share[order]) * time[targets[before[order]]] + share[order] * time[targets[after[order]]]
     return PathPlaces(order, before[order], after[order], share[order], place[order], when, tuple(findings))
+
+
+def _frames(predicted: Predicted) -> dict[str, Frame]:
+    """The frames in which points may be given by mistake, as the work object stands in them."""
+    base = _resting_object(predicted)
+    return {"in the robot's base frame": base, "in the world": predicted.cell.world_from_base @ base}
 
 
 def _beside(

@@ -14,6 +14,8 @@ from identification.common.quantities import two_sigma
 PULLED = 1e-3
 # A robot in motion gives way more than in its load tests (Theissen et al. 2022); surely under this, something else is wrong.
 STIFFER, SURE = 0.85, 3.0
+# What is assumed of that factor beforehand is 20 % (learn.py); surely beyond three times that something else is wrong too.
+SOFTER = 1.6
 # By less than this on stretches left out nothing is lost: where there is nothing to learn, learning costs a little everywhere.
 WORSE = 1.1
 # A set-up that is off by more than this [m] deserves a word of its own.
@@ -80,6 +82,12 @@ def said_of(learning: Learning, before: Array, mean: Array) -> list[Finding]:
             hint="are these points of the corrected part? Then its own log, and --logged-with OFFSETS.csv. Is it the deviation "
             "a side where both are meant, were places without a reading given 0, is the sensor's gain right, and the stiffness "
             "file this robot's? Do not carry it to another program else"))
+    if motion.value - SURE * motion.std > SOFTER:
+        findings.append(Finding(
+            "CS5336", "warning", f"the part was off by {motion.value:.2f} +- {two_sigma(motion.std):.2g} (2 sigma) times what "
+            "the load tests let expect: a robot in motion gives way more than at rest, but not so much", file=learning.source,
+            hint="are points and log of one and the same pass? Is the deviation of a diameter where a side is meant, is the "
+            "sensor's gain right, and the stiffness file this robot's? Do not carry it to another program else"))
     size, frame = learning.learned.springs, learning.learned.frame
     job = learning.learned.mean[size:size + 9]
     if learning.setup_on:

@@ -31,7 +31,7 @@ class Rows:
     """n numbers at P places. value, sigma (n,) [m]: measured, less the offsets that the pass had; direction (n, 3), base frame,
     means of unit vectors; place (n,). position (P, 3) [m] and posture (P, 6) [rad] as planned, length (P,) [m] along the path,
     time (P,) [s]. steep (n,) [m/m]: how fast the predicted deviation changes along the path there. of_targets (n, 3 M) sparse:
-    means of a displacement (M, 3) of the targets with force, along the directions."""
+    means of a displacement (M, 3) of the targets with force, along the directions. along_normals: these are the surface's."""
 
     value: Array
     sigma: Array
@@ -44,6 +44,7 @@ class Rows:
     steep: Array
     of_targets: sparse.csr_array
     findings: tuple[Finding, ...] = ()
+    along_normals: bool = False
 
     def __len__(self) -> int:
         return len(self.value)
@@ -63,7 +64,8 @@ class Rows:
     def select(self, chosen: NDArray[np.bool_]) -> Rows:
         """These rows (n,) alone, places as they are."""
         return Rows(self.value[chosen], self.sigma[chosen], self.direction[chosen], self.place[chosen], self.position,
-                    self.posture, self.length, self.time, self.steep[chosen], self.of_targets[np.flatnonzero(chosen)])
+                    self.posture, self.length, self.time, self.steep[chosen], self.of_targets[np.flatnonzero(chosen)],
+                    along_normals=self.along_normals)
 
 
 def rows_of(
@@ -118,7 +120,7 @@ def rows_of(
                 position, posture, middle(placed.length)[:, 0], middle(placed.time)[:, 0],
                 np.asarray(abs(mean @ of_targets) @ slope_along(predicted, predicted.prediction.position).ravel()),
                 sparse.csr_array(mean @ of_targets),
-                tuple(findings))
+                tuple(findings), points.along_normals)
 
 
 def slope_along(predicted: Predicted, moved: Array) -> Array:

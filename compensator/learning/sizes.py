@@ -54,6 +54,7 @@ def noise_covariance(terms: Terms, sizes: Sizes, neighbours: Array | None = None
     rows = terms.rows
     covariance = sizes.shared**2 * (of_neighbours(terms) if neighbours is None else neighbours)
     covariance[np.diag_indices(len(rows))] += (sizes.noise * rows.sigma) ** 2 + (sizes.smear * rows.steep) ** 2
+    covariance += terms.cutter**2
     return np.asarray(covariance)
 
 

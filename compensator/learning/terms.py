@@ -39,7 +39,8 @@ MOST_CARRIERS = 48
 class Terms:
     """residual (n,) [m]: measured less what is known at the prior's mean, linearised where `mean` (S,) stands; by_x (n, S)
     slopes by the model's parameters, of_job (n, 9) by set-up and drift; before (S, S): the prior's covariance of x; job (9, 9):
-    projector on what is in the model of set-up and drift, each in shares of its sigma before."""
+    projector on what is in the model of set-up and drift, each in shares of its sigma before. cutter [m]: 1 sigma of what all
+    rows along normals are off by alike (cutter_size.py), 0: nothing."""
 
     rows: Rows
     frame: JobFrame
@@ -48,6 +49,7 @@ class Terms:
     of_job: Array
     before: Array
     job: Array
+    cutter: float = 0.0
 
     @property
     def physical(self) -> Array:

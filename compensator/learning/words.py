@@ -10,7 +10,10 @@ from identification.common.quantities import two_sigma
 def lines(figures: dict[str, Any]) -> list[str]:
     """The figures of a learning (`Learning.as_dict`) in sentences."""
     parts, gone, motion = figures["parts_um"], figures["gone"], figures["motion"]
-    said = [
+    beside = figures["along_normals"]
+    said = [] if beside is None else [
+        f"taken off all numbers along their normals: {beside['all_um']:.1f} +- {two_sigma(beside['std_um']):.1f} um (2 sigma)"]
+    said += [
         f"{figures['points_used']} of {figures['points']} points, {figures['places']} places: measured "
         f"{figures['measured_um']:.1f} um RMS; {parts['left']:.1f} um are left with all that was learned",
         f"gone of the measured deviation: {100 * gone['predicted']:.0f} % as it was predicted, {100 * gone['springs']:.0f} % "

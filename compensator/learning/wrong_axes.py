@@ -7,7 +7,7 @@ import numpy as np
 from compensator.learning.rows import Rows
 from identification.common.arrays import Array, rms
 from identification.common.findings import Finding, Refused
-from identification.common.other_axes import along_other_axes
+from identification.common.other_axes import along_other_axes, turned_axes
 
 
 def refuse_wrong_axes(rows: Rows, measured: Array, told: Array, source: str) -> None:
@@ -20,6 +20,8 @@ def refuse_wrong_axes(rows: Rows, measured: Array, told: Array, source: str) -> 
         return
     in_base = np.einsum("pkc,pk->pc", axes, told[whole])
     found = along_other_axes(measured[whole], told[whole], {"the base frame": in_base}, rms(rows.sigma))
+    if found is None:
+        found = turned_axes(measured[whole], told[whole], rms(rows.sigma))
     if found is None:
         return
     name, left, as_is = found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,8 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
 
     path: deviation.csv or offsets.csv. within [m]: how far the nearest target may be from a reading that is placed by x_mm y_mm
     z_mm. in_object: the readings are in the cell's work object, else in the base frame. Raises CompstiffError: CS0201 to
-    CS0203, CS6028 the readings cannot be joined with targets, CS4513 the work object may turn against the base. A target
-    without a place (a joint move has none) is near no reading.
+    CS0203, CS6028 the readings cannot be joined with targets, CS6051 no work object is stated, CS4513 it may turn
+    against the base. A target without a place (a joint move has none) is near no reading.
     """
     table = read_table(file, required=("target", *DEVIATION), optional=POSITION, may_be_empty=(*DEVIATION, *POSITION),
                        together=(POSITION,))
@@ -38,14 +39,18 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
             raise error("CS6028", f"has no place in any row, and {readings.source} is placed by them", file=str(file))
         distance, closest = map(np.asarray, cKDTree(place[placed]).query(readings.place))
         mine = np.flatnonzero(distance <= within)
+        if not len(mine):
+            raise error("CS6028", f"no reading has a target within {1e3 * within:g} mm, the nearest is "
+                        f"{1e3 * float(np.median(distance)):.3g} mm away in the middle", file=readings.source,
+                        hint="is it of the program that was measured, in its work object, in millimetres? Places on the "
+                        "surface need normals and --tool-radius-mm; else --within-mm")
         rows = placed[closest[mine]]
     else:
         raise error("CS6028", f"has no x_mm y_mm z_mm, and {readings.source} is placed by them", file=str(file))
     predicted = np.full((len(readings), 3), np.nan)
     predicted[mine] = 1e-6 * table.stack(*DEVIATION)[rows]
     if in_object:
-        _check_turning(cell, file)
-        predicted = predicted @ (cell.world_from_base.inverse() @ cell.world_from_object).rotation
+        predicted = predicted @ base_from_object(cell, readings, file)
     findings = []
     if len(mine) < len(readings):
         findings.append(Finding("CS6022", "warning", f"{counted(len(readings) - len(mine), 'reading')} of {len(readings)} "
@@ -58,6 +63,28 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
         raise error("CS6028", "has the deviation along the normal, but not the normal", file=readings.source,
                     hint="add nx ny nz, the unit normal at each reading, or leave --predicted out")
     return np.sum(predicted * readings.normal, axis=1, keepdims=True), findings
+
+
+def of_tool(readings: Readings, radius: float, file: Path, cell: Cell, *, in_object: bool) -> Readings:
+    """With the places where the tool stood, radius [m] beside the surface along the normal. Raises CompstiffError (CS5304)
+    without normals or places, and what `base_from_object` raises: places are in the work object, normals where in_object."""
+    if readings.key != "x_mm y_mm z_mm" or readings.normal is None:
+        raise error("CS5304", "a tool radius says how far beside the surface the path is, and no normal on which side, or no "
+                    "place", file=readings.source, hint="give x_mm y_mm z_mm and nx ny nz, out of the material")
+    normal = readings.normal if in_object else readings.normal @ base_from_object(cell, readings, file)
+    return replace(readings, place=readings.place + radius * normal)
+
+
+def base_from_object(cell: Cell, readings: Readings, file: Path) -> Array:
+    """How the cell's work object is turned against the base (3, 3). Raises CompstiffError: CS6051 it is not stated, CS4513 it
+    may turn."""
+    if not cell.object_stated:
+        raise error("CS6051", f"is in the work object, and {cell.source.name} states none: how it is turned against the base, "
+                    f"in which {file} is, is not known", file=readings.source,
+                    hint="write the workobject (position_mm, quaternion) that the program declares into cell.yaml, or give "
+                    "the readings in the base frame")
+    _check_turning(cell, file)
+    return (cell.world_from_base.inverse() @ cell.world_from_object).rotation
 
 
 def _check_turning(cell: Cell, file: Path) -> None:

@@ -10,12 +10,12 @@ from typing import Any, Literal
 import numpy as np
 
 from compensator.verification.comparison import SANE_SCALE, SMALL, WORSE_SIGMAS, Comparison, Scale, compare, estimate_scale
-from compensator.verification.predicted_deviation import predicted_at
+from compensator.verification.predicted_deviation import of_tool, predicted_at
 from compensator.verification.readings import Indices, Readings, pair, read_readings
 from identification.common.added_targets import read_added
 from identification.common.arrays import Array, rms
 from identification.common.findings import Finding, counted, error
-from identification.common.other_axes import along_other_axes
+from identification.common.other_axes import along_other_axes, turned_axes
 from identification.model.cell import Cell
 
 # What readings in another unit are of those in micrometres.
@@ -76,12 +76,13 @@ class Verification:
 
 def verify(
     cell: Cell, before_file: str | Path, after_file: str | Path, predicted_file: str | Path | None = None, *,
-    tolerance_um: float | None = None, within: float = 1e-3, frame: Literal["base", "workobject"] = "base",
+    tolerance_um: float | None = None, within: float = 1e-3, frame: Literal["base", "workobject"] = "base", radius: float = 0.0,
 ) -> Verification:
     """Compares the deviation measured before and after a correction, place by place, and with what was predicted.
 
     predicted_file: deviation.csv or offsets.csv of the measured program. tolerance_um: largest deviation that is accepted.
-    within [m]: how far apart places may be that belong together. frame: of the readings' components. Raises CompstiffError:
+    within [m]: how far apart places may be that belong together. frame: of the readings' components. radius [m]: of the
+    tool, where places are of the surface. Raises CompstiffError:
     what `read_readings`, `pair` and `predicted_at` raise, CS6020 no component in both passes, CS6028 nothing predicted.
 
     >>> cell = compstiff.read_cell("cell.yaml")
@@ -110,9 +111,11 @@ def verify(
     predicted, scale = None, None
     axis_scales: dict[str, Scale] = {}
     if predicted_file is not None:
-        predicted, more = predicted_at(before, Path(predicted_file), cell, within, in_object=frame == "workobject")
+        file, in_object = Path(predicted_file), frame == "workobject"
+        stood = of_tool(before, radius, file, cell, in_object=in_object) if radius else before
+        predicted, more = predicted_at(stood, file, cell, within, in_object=in_object)
         scale, axis_scales = _scales(before, predicted, predicted_file)
-        axes, said = _other_axes(before, predicted, cell, in_object=frame == "workobject")
+        axes, said = _other_axes(before, predicted, cell, in_object=in_object)
         scale = replace(scale, other_axes=axes)
         findings += [*more, *said, *_scale_findings(scale, axis_scales, before.source)]
     findings += _comparison_findings(comparison, after.source)
@@ -154,7 +157,8 @@ def _other_axes(before: Readings, predicted: Array, cell: Cell, *, in_object: bo
     turn = (cell.world_from_base.inverse() @ cell.world_from_object).rotation
     name, frame = ("the base frame (--frame base)", turn.T) if in_object else ("the work object (--frame workobject)", turn)
     told = predicted[known]
-    found = along_other_axes(before.deviation[known], told, {name: told @ frame}, rms(before.sigma[known]))
+    measured, sigma = before.deviation[known], rms(before.sigma[known])
+    found = along_other_axes(measured, told, {name: told @ frame}, sigma) or turned_axes(measured, told, sigma)
     if found is None:
         return "", []
     axes, left, as_is = found

@@ -109,16 +109,17 @@ def stocks_of(program: Path) -> tuple[Path, ...]:
     return tuple(stock for suffix in STOCK_SUFFIXES if (stock := program.parent / (stem + suffix)).is_file())
 
 
-def no_log(program: Path, folder: Path | None, then: str, predicted: bool = False) -> Finding:
+def no_log(program: Path, folder: Path | None, then: str, predicted: bool = False, watched: bool = False) -> Finding:
     """What is said of a program without a log. folder: of the logs, None where each lies beside its program; then: what becomes
-    of it; predicted: forces are predicted where there is a stock, and there is none."""
+    of it; predicted: forces are predicted where there is a stock, and there is none; watched: logs lie nowhere else."""
     stem = toolpath_stem(program)
     stock = f", and no stock {stem}{STOCK_SUFFIXES[0]} (or .npz) beside it" if predicted else ""
     near = _nearly_its_log(program, folder or program.parent)
     return Finding("CS6000", "warning", f"has no force log {stem}{LOG_SUFFIXES[0]} (or .parquet) in "
                    f"{folder or program.parent}{stock}; {then}", file=str(program),
                    hint=(f"is it {near}? Then rename it, capitals too; else " if near else "") +
-                   "log the forces of a first pass, or name the folder of the logs with --forces")
+                   "log the forces of a first pass, " + (
+                       "and put the log beside the program" if watched else "or name the folder of the logs with --forces"))
 
 
 def _nearly_its_log(program: Path, folder: Path) -> str:

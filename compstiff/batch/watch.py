@@ -130,7 +130,7 @@ class Watch:
 
     def _waits_for(self, files: ProgramFiles) -> Finding | None:
         if not files.logs and not files.stocks:
-            return no_log(files.program, None, "it waits", self.shared.predicted)
+            return no_log(files.program, None, "it waits", self.shared.predicted, watched=True)
         with contextlib.suppress(OSError):
             if lacks_its_end(files.program):
                 return Finding("CS6009", "warning", "has a MODULE without ENDMODULE: it is taken for half written, and waits",

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import REFUSED, Outcome, Session
 
 
 @command("tare", writes=True)
@@ -27,6 +27,8 @@ def tare(session: Session, cell_file: Path, still_file: Path, output: Path | Non
     check_writable([output] if output else [], overwrite=session.overwrite)
     cell = read_cell(cell_file)
     stills = still_payload(read_force_log(still_file, cell.force_log.form), cell)
+    if not stills.of_a_weight:
+        return Outcome(stills.as_dict(), stills.findings, stills.lines(), exit_code=REFUSED)
     keys = stills.yaml(still_file)
     if output:
         write_whole({output: keys.encode()}, overwrite=session.overwrite, read=session.read)

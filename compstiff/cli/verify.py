@@ -23,10 +23,13 @@ from compstiff.outcome import DONE, REFUSED, Outcome, Session
               help="How far apart places may be that belong together.")
 @click.option("--frame", type=click.Choice(["base", "workobject"]), default="base", show_default=True,
               help="Frame of dx_um dy_um dz_um and nx ny nz; workobject: that of CELL.")
+@click.option("--tool-radius-mm", type=click.FloatRange(0, 500), default=0.0, show_default=True,
+              help="Of the tool, where places are of the machined surface: it stood so far beside them, along the normal.")
 @click.option("--report", type=WRITABLE, help="Also write an HTML report.")
 def verify(
     session: Session, cell_file: Path, before_file: Path, after_file: Path, predicted_file: Path | None,
-    tolerance_um: float | None, within_mm: float, frame: Literal["base", "workobject"], report: Path | None,
+    tolerance_um: float | None, within_mm: float, frame: Literal["base", "workobject"], tool_radius_mm: float,
+    report: Path | None,
 ) -> Outcome:
     """Compare the deviation measured before and after a correction.
 
@@ -40,7 +43,7 @@ def verify(
     if report:
         check_writable([report], overwrite=session.overwrite)
     result = verify(read_cell(cell_file), before_file, after_file, predicted_file, tolerance_um=tolerance_um,
-                    within=1e-3 * within_mm, frame=frame)
+                    within=1e-3 * within_mm, frame=frame, radius=1e-3 * tool_radius_mm)
     if report:
         from compensator.verification.report import verify_report
 

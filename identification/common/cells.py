@@ -40,6 +40,7 @@ _NO_TEXT = {
     b"{": "a JSON file, such as compstiff writes",
     b"PAR1": "a Parquet file under another name; its suffix is .parquet",
     b"MATLAB": "a MATLAB file; `compstiff convert` reads some", b"%PDF": "a PDF file",
+    b"TDSm": "a LabVIEW TDMS file; DIAdem and LabVIEW export it as .lvm (--log-format lvm)",
 }
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 MOST_COMPLAINTS = 20

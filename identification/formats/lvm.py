@@ -60,7 +60,8 @@ def read_lvm(file: str | Path, channels: Sequence[str] = CHANNELS) -> ForceSampl
     if len(present) not in (3, 6) or list(channels[:3]) != present[:3]:
         missing = ", ".join(channel for channel in channels[:3] if channel not in present)
         raise error("CS0202", f"channels missing: {missing or 'a moment'}; found {', '.join(segments[0].names)}", file=name,
-                    hint="name the force channels as the file does")
+                    hint="convert --channels Fx,Fy,Fz,Mx,My,Mz names them as the file does, the forces first, in the order "
+                    "of the sensor's axes")
     for segment in segments:
         if segment.names != segments[0].names:
             raise error("CS0202", f"a block has channels {', '.join(segment.names)}, the first has "

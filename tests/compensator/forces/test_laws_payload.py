@@ -142,7 +142,7 @@ def test_an_uncertain_payload_is_said(tmp_path) -> None:
     values[:, 6:9] += np.random.default_rng(3).normal(0, 10, (orientation.max() + 1, 3))[orientation.ravel()]
     still.write_text("\n".join([head, *(",".join(f"{x:.6f}" for x in row) for row in values)]) + "\n")
     code, said = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
-    assert code == 0
+    assert code == 3        # most of what changes is the zero's wandering: CS3048
     assert "CS3045" in {finding["code"] for finding in said["findings"]}
     assert said["result"]["mass_kg"]["std"] * 9.80665 > 10
 

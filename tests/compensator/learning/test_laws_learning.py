@@ -22,6 +22,7 @@ from compensator.learning.chance import FALSE_RATE, _ratio, chance_of_remainder
 from compensator.learning.fitted_part import _seen_of_the_job
 from compensator.learning.held_out import held_out
 from compensator.learning.learn import _parts
+from compensator.learning.other_pass import refuse_other_pass
 from compensator.learning.pages import _along, _verdict
 from compensator.learning.path_places import _nearest
 from compensator.learning.posterior import posterior
@@ -38,6 +39,7 @@ from compensator.learning.sizes import (
 )
 from compensator.learning.terms import DRIFT_STD, SHIFT_STD, TURN_STD, Terms
 from compensator.learning.unshown import unshown
+from identification.common.findings import Refused
 from identification.model.rotations import Frame
 
 SIGMA = 4e-6
@@ -618,10 +620,26 @@ def test_the_measured_is_compared_with_the_predicted_of_the_moving_robot(monkeyp
     monkeypatch.setattr(fitted_part, "_linearised", lambda *of: lambda x, job: None)
     monkeypatch.setattr(fitted_part, "without_remainder", lambda *of: None)
     monkeypatch.setattr(fitted_part, "refuse_wrong_factor", refuse)
-    rows: Any = SimpleNamespace(seen=lambda moved: moved @ np.array([[1.0], [0.0], [2.0]]))
+    rows: Any = SimpleNamespace(seen=lambda moved: moved @ np.array([[1.0], [0.0], [2.0]]), along_normals=False)
     moved = 1e-6 * np.array([[40.0, 7.0, -5.0], [10.0, 0.0, 15.0]])
     predicted: Any = SimpleNamespace(prediction=SimpleNamespace(position=moved))
     believed: Any = SimpleNamespace(mean=np.zeros(6), start=None)
     with pytest.raises(StopIteration):
         fitted_part.fitted_part(rows, predicted, believed, Estimate(1.25, 0.1), "points.csv")
     assert asked[0] == pytest.approx(1.25e-6 * np.array([30.0, 40.0]))
+
+
+@pytest.mark.parametrize("motion", [0.9, 1.0, 1.3])
+def test_points_of_the_pass_without_the_offsets_are_told_from_those_with_them(motion: float) -> None:
+    """Offsets undo what was predicted, up to what was held back; the robot gives way more, or less, in either pass."""
+    for seed in range(20):
+        rng = np.random.default_rng([5335, seed])
+        rows = terms(rng).rows
+        told = 60e-6 * np.sin(np.arange(len(rows)) / 7 + rng.uniform(0, 6))
+        offsets = -rng.uniform(0.7, 1.1) * told
+        noise = SIGMA * rng.standard_normal(len(rows))
+        first, second = motion * told + noise, motion * told + offsets + noise
+        refuse_other_pass(replace(rows, value=second - offsets), told, offsets, "points.csv")
+        with pytest.raises(Refused) as stopped:
+            refuse_other_pass(replace(rows, value=first - offsets), told, offsets, "points.csv")
+        assert stopped.value.findings[0].code == "CS5335"

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
 
 from compensator.verification.batch_means import mean_along
 from compensator.verification.comparison import compare, estimate_scale
@@ -175,6 +176,9 @@ def test_places_that_got_worse_by_chance_are_as_many_as_stated(tmp_path: Path) -
     assert comparison.verdict == "no difference shown"
     assert comparison.noise_um == pytest.approx(np.sqrt(4 + 25 + 81))
 
+# What a vector's components become along axes that are turned by 25 degrees about z.
+TURNED = Rotation.from_euler("z", 25, degrees=True).as_matrix()
+
 
 @pytest.fixture
 def passes(tmp_path: Path) -> dict[str, Path]:
@@ -201,6 +205,7 @@ def passes(tmp_path: Path) -> dict[str, Path]:
         "places": csv(tmp_path, "places.csv", "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um", np.column_stack([place + 0.1, in_object])),
         "normal": csv(tmp_path, "normal.csv", "target,dn_um,nx,ny,nz", np.column_stack([targets, along, normal])),
         "shifted": csv(tmp_path, "shifted.csv", header, np.column_stack([targets, before + np.array([0, 0, 400])])),
+        "turned": csv(tmp_path, "turned.csv", header, np.column_stack([targets, before @ TURNED])),
         "mirrored": csv(tmp_path, "mirrored.csv", header, np.column_stack([targets, before * [-1, 1, 1]])),
         "predicted": csv(tmp_path, "deviation.csv", "target,x_mm,y_mm,z_mm,dx_um,dy_um,dz_um",
                          np.column_stack([targets, place, base])),
@@ -252,6 +257,31 @@ def test_the_scale_in_other_frames_and_along_the_normal(passes: dict[str, Path],
     assert scale["interval"][1] - scale["interval"][0] < 0.04
 
 
+@pytest.mark.parametrize("frame", ["base", "workobject"])
+def test_places_on_the_surface_are_those_of_the_tool_beside_it(passes: dict[str, Path], tmp_path: Path, frame: str) -> None:
+    """The table that `learn` takes: 8 mm beside the path along the normal."""
+    target, along, *base = np.loadtxt(passes["normal"], delimiter=",", skiprows=1).T
+    normal = np.array(base).T
+    in_object = np.column_stack([normal[:, 1], -normal[:, 0], normal[:, 2]])       # a quarter turn about z, as above
+    surface = np.column_stack([0.5 * target, 0 * target, 0 * target]) - 8 * in_object
+    columns = np.column_stack([surface, along, in_object if frame == "workobject" else normal])
+    points = csv(tmp_path, "surface.csv", "x_mm,y_mm,z_mm,dn_um,nx,ny,nz", columns)
+    words = (passes["cell"], points, points, "--predicted", passes["predicted"], "--frame", frame, "--json")
+    result = verify(*words, "--tool-radius-mm", "8")
+    assert result.exit_code == 0, result.output
+    low, high = json.loads(result.stdout)["result"]["predicted"]["interval"]
+    assert 1.2 < low < 1.25 < high < 1.3
+
+
+def test_how_far_the_nearest_target_is_is_said(passes: dict[str, Path], tmp_path: Path) -> None:
+    rows = np.loadtxt(passes["places"], delimiter=",", skiprows=1) + np.array([0, 0, 8, 0, 0, 0])
+    points = csv(tmp_path, "beside.csv", "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um", rows)
+    result = verify(passes["cell"], points, points, "--predicted", passes["predicted"], "--json")
+    assert result.exit_code == 1, result.output
+    assert "8.1 mm away in the middle" in next(
+        finding["message"] for finding in json.loads(result.stdout)["findings"] if finding["code"] == "CS6028")
+
+
 @pytest.mark.parametrize(("kind", "exit_code"), [("linear", 0), ("rotary", 1)])
 def test_a_work_object_that_may_turn_against_the_base_is_not_compared(
     passes: dict[str, Path], kind: str, exit_code: int
@@ -278,8 +308,19 @@ def test_what_a_scale_does_not_mend_is_said(passes: dict[str, Path], name: str, 
     assert code in {finding["code"] for finding in json.loads(result.stdout)["findings"]}
 
 
+def test_a_work_object_that_the_cell_does_not_state_is_not_taken_for_the_base(passes: dict[str, Path]) -> None:
+    """A program that declares its own stands elsewhere: at 10 degrees a scale of 1.10 had come out as 1.086 +- 0.002."""
+    lines = passes["cell"].read_text().splitlines()
+    passes["cell"].write_text("\n".join(line for line in lines if "workobject" not in line) + "\n")
+    words = (passes["cell"], passes["places"], passes["places"], "--frame", "workobject", "--json")
+    stopped = verify(*words, "--predicted", passes["predicted"])
+    assert (stopped.exit_code, "CS6051" in stopped.output) == (1, True), stopped.output
+    assert verify(*words).exit_code == 0
+
+
 @pytest.mark.parametrize(("name", "options", "said"), [
-    ("mirrored", (), "x with the other sign"), ("before", ("--frame", "workobject"), "the base frame (--frame base)"),
+    ("mirrored", (), "x with the other sign"), ("turned", (), "turned by 25 deg about"),
+    ("before", ("--frame", "workobject"), "the base frame (--frame base)"),
     ("before", (), ""), ("shifted", (), ""), ("places", ("--frame", "workobject"), "")])
 def test_readings_along_other_axes_are_told_and_no_scale_is_advised(
     passes: dict[str, Path], name: str, options: tuple[str, ...], said: str

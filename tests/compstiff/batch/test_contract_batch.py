@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from compensator.correction.files import Outputs
-from compstiff.batch.pairing import ProgramFiles
+from compstiff.batch.pairing import ProgramFiles, no_log
 from compstiff.batch.programs import ProgramResult
 from tests.compstiff.batch.programs import HARMLESS, Shop, shop
 from tests.support import started
@@ -181,3 +181,10 @@ def test_a_program_of_many_says_what_nobody_stated(tmp_path: Path, cut: float, s
     (line,) = ProgramResult(files, 0, "ok", (), {"result": result}).lines()
     assert "2 sigma: 200.0 um RMS" in line
     assert ("which nobody stated" in line) == said
+
+
+def test_a_watched_program_is_not_told_of_an_option_that_watch_lacks(tmp_path: Path) -> None:
+    assert "--forces" in no_log(tmp_path / "a.mod", None, "it is left alone").hint
+    hint = no_log(tmp_path / "a.mod", None, "it waits", watched=True).hint
+    assert "--forces" not in hint
+    assert "beside the program" in hint

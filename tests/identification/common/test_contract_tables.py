@@ -107,6 +107,7 @@ def test_a_table_in_another_encoding_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("content", "says"), [
     (b"PK\x03\x04\x14\x00\x06\x00", "workbook"), (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "Excel"), (b"PAR1\x15\x04", "Parquet"),
+    (b"TDSm\x0e\x00\x00\x00", "TDMS"),
     (b"MATLAB 5.0 MAT-file", "convert"), (b"\xff\xfea\x00\x00\xd8", "UTF-16"),
 ])
 def test_what_is_no_text_is_named(tmp_path: Path, read, content: bytes, says: str) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from identification.common.other_axes import along_other_axes
+from identification.common.other_axes import along_other_axes, turned_axes
 
 NOISE = 5e-6
 
@@ -55,3 +57,32 @@ def test_right_ones_are_left_in_peace(count: int) -> None:
         if count > 12:
             assert along_other_axes(predicted(rng, count), told, base, NOISE) is None
         assert along_other_axes(NOISE * rng.normal(size=told.shape), told, base, NOISE) is None
+
+
+@pytest.mark.parametrize("degrees", [20, 45, 90, 150])
+def test_a_turn_by_any_angle_is_told_with_its_axis(degrees: float) -> None:
+    told_turns = 0
+    for seed in range(40):
+        rng = np.random.default_rng((63, seed))
+        axis = rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        turn = Rotation.from_rotvec(np.radians(degrees) * axis)
+        told = predicted(rng)
+        found = turned_axes(turn.inv().apply(measured(rng, told)), told, NOISE)
+        if found is not None:
+            told_turns += 1
+            angle, about = re.fullmatch(r"turned by (\d+) deg about \((.*)\)", found[0]).groups()     # type: ignore[union-attr]
+            seen = Rotation.from_rotvec(np.radians(float(angle)) * np.array([float(x) for x in about.split(",")]))
+            assert np.degrees((seen * turn.inv()).magnitude()) < 15
+    assert told_turns >= 36
+
+
+@pytest.mark.parametrize("count", [12, 60, 400])
+def test_axes_that_are_right_are_not_told_as_turned(count: int) -> None:
+    for seed in range(200):
+        rng = np.random.default_rng((64, seed))
+        told = predicted(rng, count)
+        assert turned_axes(measured(rng, told), told, NOISE) is None
+        assert turned_axes(NOISE * rng.normal(size=told.shape), told, NOISE) is None
+        if count > 12:
+            assert turned_axes(predicted(rng, count), told, NOISE) is None

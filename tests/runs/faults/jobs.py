@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from benchmarks.fuzz_files import LVM, OFFSETS
 from benchmarks.unbreakable import APT, CELL, sound_files
 from tests.runs.command_line.workshop import Workshop, workshop
+from tests.virtual_cell.arm import IRB6660
 
 ROBOT = "irb6660-205-1.90"
 SAMPLES = Path(__file__).parents[3] / "samples"
@@ -70,8 +73,10 @@ def files() -> dict[str, str]:
     """The inputs of all commands, by name."""
     shop, sound = workshop(ROBOT), sound_files()
     still = "fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n"
-    angles = [(0, 0, 0, 0, 30 * k, 60 * j) for k in (-3, -1, 1, 3) for j in range(4)]
-    still += "".join(f"{5 + k},{-3 + 2 * k},{7 - k},{0.1 * k},0.2,0.3,{','.join(map(str, q))}\n" for k, q in enumerate(angles))
+    angles = [(0, 10, 20, 20 * j, 30 * k, 0) for k in (1, 2, 3) for j in range(-2, 3)]
+    down = [IRB6660.pose(np.radians(q), np.zeros(3))[1].inv().apply([0, 0, -9.80665]) for q in angles]
+    forces = [[*(12 * g + [5, -3, 7]), *(12 * np.cross([0, 0, 0.04], g))] for g in down]
+    still += "".join(40 * (",".join(f"{x:.5f}" for x in [*force, *q]) + "\n") for force, q in zip(forces, angles, strict=True))
     halved = "".join(line if line.split(",")[0] not in "56" else f"{line.split(',')[0]},0,0,0\n"
                      for line in shop.files["forces.csv"].splitlines(keepends=True))
     return {**shop.files, "part.apt": APT, "sensor.yaml": CELL, "halved.csv": halved, "still.csv": still,
