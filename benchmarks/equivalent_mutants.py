@@ -160,4 +160,8 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
     ("identification/fit/student.py",
      "own = np.where(model.measured, residual - weights.shared(residual[:, :, None])[:, :, 0], 0.0)", "0.0 -> 1",
      "the precision of a component that was not measured is nothing"),
+    ("identification/fit/linear_start.py", "finished = value - trial < 1e-9 * (1 + abs(value))", "1 -> 0",
+     "when a search for where another begins ends: time alone"),
+    ("identification/fit/linear_start.py", "x, value, damping = x + step, trial, 0.2 * damping", "* -> /",
+     "the damping of that search: other steps to the same place"),
 )

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from compensator.forces.misread_places import _on
+from compensator.forces.path_segments import Segments
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import ORIGIN, TOOL, Path3
 from tests.runs.command_line.user_files import Job
@@ -65,3 +67,11 @@ def test_what_no_mistake_explains_is_not_named(tmp_path: Path) -> None:
     message, hint = said(tmp_path, "x_mm,y_mm,z_mm", turned + np.array([300.0, 150, 90]))
     assert "none of the" in message
     assert hint == "is it the log of this program, with TCP positions in its work object?"
+
+
+def test_the_share_on_the_path_is_that_of_the_samples() -> None:
+    """A straight metre; of ten samples four lie on it, and those that lie about one place of it tell nothing."""
+    segments = Segments(np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([0.0, 1.0]))
+    samples = np.array([[0.1 * k, 0.0 if k < 4 else 0.2, 0.0] for k in range(10)])
+    assert _on(segments, 1.0, samples) == pytest.approx(0.4)
+    assert _on(segments, 1.0, samples * [0.01, 1, 1]) == 0.0
