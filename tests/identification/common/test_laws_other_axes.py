@@ -71,7 +71,9 @@ def test_a_turn_by_any_angle_is_told_with_its_axis(degrees: float) -> None:
         found = turned_axes(turn.inv().apply(measured(rng, told)), told, NOISE)
         if found is not None:
             told_turns += 1
-            angle, about = re.fullmatch(r"turned by (\d+) deg about \((.*)\)", found[0]).groups()     # type: ignore[union-attr]
+            words = re.fullmatch(r"turned by (\d+) deg about \((.*)\)", found[0])
+            assert words
+            angle, about = words.groups()
             seen = Rotation.from_rotvec(np.radians(float(angle)) * np.array([float(x) for x in about.split(",")]))
             assert np.degrees((seen * turn.inv()).magnitude()) < 15
     assert told_turns >= 36
