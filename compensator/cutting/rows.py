@@ -14,7 +14,7 @@ from identification.common.arrays import Array
 
 # So many such places tell something: forces drawn along one slot with errors that neighbours share by 0.7 leave its predicted
 # force off by 0.65 of its sigma (RMS) by so many, by 0.4 with the second. With the second it can be told what a log speaks
-# against; one with fewer is looked at between its targets, where that is possible.
+# against.
 FEWEST, ENOUGH = 12, 30
 
 
