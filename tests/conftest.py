@@ -32,20 +32,32 @@ LONGEST = ("reports/test_contract_browser", "hidden_effects/test_desk_world", "t
            "command_line/test_laws_growth", "tests/test_fourth_world", "tests/test_fifth_world", "tests/test_site")
 
 
+# What took longest when it was last measured (the file says when): without --slow or --long a run leaves it out, so that one
+# waits for a dozen minutes and not for twice as long.
+SLOW = frozenset(line for line in Path(__file__).with_name("slow.txt").read_text(encoding="utf-8").splitlines()
+                 if line and not line.startswith("#"))
+
+
 # The functions of which every case is long, so that none of it runs without --long (tests/test_markers.py).
 LONG_ALONE = pytest.StashKey[list[Callable[..., None]]]()
+# The names of all that was collected.
+COLLECTED = pytest.StashKey[frozenset[str]]()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """The files in LONGEST first, in that order; all others as they were. Without `--long` no test that is marked so."""
+    """The files in LONGEST first, in that order; all others as they were. Without `--long` no test that is marked so, without
+    `--slow` none that is named in slow.txt."""
     tests = [item for item in items if isinstance(item, pytest.Function)]
     told = {item.function for item in tests if not item.get_closest_marker("long")}
     config.stash[LONG_ALONE] = [*dict.fromkeys(item.function for item in tests if item.function not in told)]
-    if not config.getoption("--long"):
-        long = [item for item in items if item.get_closest_marker("long")]
-        if long:
-            config.hook.pytest_deselected(items=long)
-            items[:] = [item for item in items if not item.get_closest_marker("long")]
+    config.stash[COLLECTED] = frozenset(item.nodeid for item in items)
+    long = config.getoption("--long")
+    slow = long or config.getoption("--slow")
+    left = [item for item in items if (item.get_closest_marker("long") and not long) or (item.nodeid in SLOW and not slow)]
+    if left:
+        config.hook.pytest_deselected(items=left)
+        without = {item.nodeid for item in left}
+        items[:] = [item for item in items if item.nodeid not in without]
     items.sort(key=lambda item: next((i for i, name in enumerate(LONGEST) if name in item.nodeid), len(LONGEST)))
 
 
@@ -59,9 +71,10 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--no-posix`: without what Windows does not have (tests/without_posix/removal.py). `--long`: with the tests that take
-    long and tell what a faster one tells in small."""
-    parser.addoption("--long", action="store_true", help="with the tests that a faster one tells in small")
+    """`--no-posix`: without what Windows does not have (tests/without_posix/removal.py). `--slow`: with the tests of slow.txt.
+    `--long`: with these and with those that tell what a faster one tells in small."""
+    parser.addoption("--slow", action="store_true", help="with the tests that took longest (tests/slow.txt)")
+    parser.addoption("--long", action="store_true", help="with these and with those that a faster one tells in small")
     parser.addoption("--no-posix", action="store_true", help="take fcntl, fork, POSIX signals and renames over open files away")
 
 

@@ -1,11 +1,16 @@
 #!/usr/bin/env bash
-# Installs what the tests need into a virtual environment of its own and runs them all, after lint and types; beside them, on
-# the newest Python at hand, the demo from a wheel in an empty environment and a part of the tests. Called from the README and
-# by .ci/run.
+# Installs what the tests need into a virtual environment of its own and runs them, after lint and types; beside them, on the
+# newest Python at hand, the demo from a wheel in an empty environment. Called from the README and by .ci/run.
+#     bash tests/run.sh               what a change must pass: without the tests that took longest (tests/slow.txt)
+#     bash tests/run.sh --slow        with these, a part of all on the newest Python too, and a picture of every report
+#     bash tests/run.sh --long        with those besides that tell what a faster one tells in small
+# Other words are for pytest.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 python=${PYTHON:-python3}
 work=$(mktemp -d)
+whole=
+for word in "$@"; do case $word in --slow | --long) whole=yes ;; esac; done
 beside=
 trap '[ -z "$beside" ] || kill -- "-$beside" 2>/dev/null || true; rm -rf "$work"' EXIT
 environment=${COMPSTIFF_TEST_ENV:-$work/test}
@@ -58,7 +63,7 @@ beside_the_tests() {
 
     # Reading, files, effects and a command: the packages of the checkout, which lies before those of the wheel. Not the demo
     # again, and no laws that are arithmetic alone, the same on every Python.
-    if [ -n "$newest" ]; then
+    if [ -n "$newest" ] && [ -n "$whole" ]; then
         install "$work/empty" pytest hypothesis mujoco rapidchecker
         "$empty/python" -m pytest -q -p no:cacheprovider tests/compensator/rapid tests/identification/model \
             --ignore=tests/identification/model/test_laws_{kinematics,compliance,robots,soft_track}.py \
@@ -89,8 +94,10 @@ fi
 echo "== the browser for the tests of reports: ${COMPSTIFF_BROWSER:-none}"
 
 # A picture of every report, for people to look at: on a screen, in the dark, on a telephone and on paper.
-export COMPSTIFF_SCREENSHOTS=${COMPSTIFF_SCREENSHOTS:-$PWD/build/screenshots}
-mkdir -p "$COMPSTIFF_SCREENSHOTS"
+if [ -n "$whole" ]; then
+    export COMPSTIFF_SCREENSHOTS=${COMPSTIFF_SCREENSHOTS:-$PWD/build/screenshots}
+    mkdir -p "$COMPSTIFF_SCREENSHOTS"
+fi
 
 # Every test process imports all tests, and would compile them anew if none had before: a fourth of a minute each.
 "$environment/bin/python" -m pytest --collect-only -q >/dev/null 2>&1 &
@@ -103,7 +110,7 @@ wait "$compiled" || true            # what cannot be imported is told by the tes
 
 # Three processes for two cores: some wait, for a reply or a lock.
 echo "== tests"
-"$environment/bin/python" -m pytest -n 3 --dist loadfile --no-loadscope-reorder || failed=$?
+"$environment/bin/python" -m pytest -n 3 --dist loadfile --no-loadscope-reorder "$@" || failed=$?
 wait "$beside" || { failed=$?; cat "$work/beside.txt"; }
 beside=
 exit "$failed"

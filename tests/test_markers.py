@@ -1,4 +1,5 @@
-"""What is marked `long` is told in small by a faster test: other cases of it, or what a comment above names."""
+"""What a usual run leaves out: what is marked `long` is told in small by a faster test (other cases of it, or what a comment
+above names), and what slow.txt names is there."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from collections.abc import Callable
 
 import pytest
 
-from tests.conftest import LONG_ALONE
+from tests.conftest import COLLECTED, LONG_ALONE, SLOW
 
 
 def silent(function: Callable[..., None]) -> bool:
@@ -19,6 +20,13 @@ def silent(function: Callable[..., None]) -> bool:
 def test_what_runs_with_long_alone_says_what_tells_it_without(pytestconfig: pytest.Config) -> None:
     """Of what is collected: where all files are, all."""
     assert [f"{one.__module__}.{one.__name__}" for one in pytestconfig.stash[LONG_ALONE] if silent(one)] == []
+
+
+def test_what_is_slow_is_a_test(pytestconfig: pytest.Config) -> None:
+    """Of the files that were collected: one that has another name now would run, and nobody would know why it takes so long."""
+    collected = pytestconfig.stash[COLLECTED]
+    files = {name.split("::")[0] for name in collected}
+    assert [name for name in sorted(SLOW - collected) if name.split("::")[0] in files] == []
 
 
 # Long: neither runs: these are what the test above looks at.
