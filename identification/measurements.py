@@ -217,7 +217,7 @@ def _not_measured(table: Table, deflection: Array) -> list[Finding]:
 
 
 def _running(time: Array, reference: NDArray[np.intp]) -> Array:
-    """Times (N,) [s] that run on from row to row. Where the clock stands no later at the first row of a reference (N,) than at
+    """Times (N,) [s] that run on from row to row. Where the clock stands earlier at the first row of a reference (N,) than at
     the last one of the reference before, it began anew with the zero reading, right after that row."""
     first = np.flatnonzero(_anew(time, reference))
     later = np.zeros(len(time))
@@ -226,8 +226,13 @@ def _running(time: Array, reference: NDArray[np.intp]) -> Array:
 
 
 def _anew(time: Array, reference: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """The rows (N,) at which the clock begins anew, with a reference."""
-    return np.append(False, (np.diff(reference) != 0) & (np.diff(time) <= 0))[:len(time)]
+    """The rows (N,) at which the clock begins anew, with a reference. Where it stands as the row before did it does so only if
+    that one, too, is alone with a clock of its own: of a clock that runs on two rows have the same minute."""
+    anew, first, own = np.zeros(len(time), dtype=bool), 0, True
+    for row in np.flatnonzero(np.diff(reference)) + 1:
+        anew[row] = time[row] < time[row - 1] or (own and time[row] == time[row - 1] == time[first])
+        first, own = row, anew[row]
+    return anew
 
 
 def _backwards(table: Table, reference: NDArray[np.intp]) -> list[Finding]:
