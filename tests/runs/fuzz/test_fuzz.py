@@ -17,6 +17,7 @@ import pytest
 
 from benchmarks import fuzz
 from benchmarks.fuzz_doors import Door, Unsound, doors, rapid
+from benchmarks.fuzz_load_tests import doors_of_load_tests
 from identification.common.findings import CompstiffError
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
@@ -30,7 +31,7 @@ FAST = ("rapid", "apt", "table", "cell", "robot", "measurements", "stiffness", "
 @pytest.fixture(scope="module")
 def every(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Door]]:
     folder = tmp_path_factory.mktemp("fuzz")
-    return folder, doors(folder)
+    return folder, doors(folder) | {door.name: door for door in doors_of_load_tests()}
 
 
 def entered(door: Door, data: bytes, folder: Path) -> str:
