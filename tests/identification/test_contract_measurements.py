@@ -239,3 +239,11 @@ def test_time_runs_on_where_the_clock_begins_anew(tmp_path: Path, times, running
     rows, codes = timed(tmp_path, *times)
     assert_allclose(rows.time, running)
     assert codes == said
+
+
+def test_what_is_wrong_is_told_in_the_order_of_the_lines(tmp_path: Path) -> None:
+    """Whatever column it stands in."""
+    rows = [ROW.replace("1.5", "lost"), ROW, ROW.replace("10,", "ten,"), ROW.replace("100", "much")]
+    with pytest.raises(CompstiffError) as caught:
+        read(tmp_path, HEADER, *rows)
+    assert [finding.line for finding in caught.value.findings] == [2, 4, 5]

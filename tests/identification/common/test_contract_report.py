@@ -14,7 +14,7 @@ import pytest
 from identification.common import report
 from identification.common.chart import Axis, Bars, Figure, Line, Panel, Points, Rule
 from identification.common.findings import Finding
-from identification.common.report import Key, Page, ReportTable, Step, Verdict, render
+from identification.common.report import Key, Page, ReportTable, Step, Verdict, embedded, render
 from identification.common.scene import SpaceLine, scene
 
 HOSTILE = "<!--<script></script><img src=x onerror=alert(1)>' \" </title></svg>"
@@ -126,3 +126,9 @@ def test_the_libraries_are_those_that_are_named(line: str) -> None:
     total, name = line.split()
     assert hashlib.sha256((VENDOR / name).read_bytes()).hexdigest() == total
     assert f"`{name}`" in (VENDOR / "README.md").read_text()
+
+
+def test_arrays_of_a_result_are_lists_in_its_page() -> None:
+    """Whatever they hold, and however deep they stand."""
+    found = json.loads(embedded({"a": [np.array([[1.5, np.nan], [np.inf, -2.0]])], "n": np.arange(3)}))
+    assert found == {"a": [[[1.5, None], [None, -2.0]]], "n": [0, 1, 2]}

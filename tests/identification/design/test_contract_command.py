@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import compstiff
 from compensator.rapid import read_rapid
 from compstiff.cli.design import design
 from compstiff.cli.diagnose import diagnose
@@ -320,3 +321,15 @@ def test_no_pose_near_a_singularity(written):
     assert sine.min() >= np.sin(np.radians(10)) - 1e-6
     across = np.linalg.norm(np.cross(frames.axes[3].T, frames.axes[5].T), axis=1)
     assert across.min() >= np.sin(np.radians(10)) - 1e-6
+
+
+def test_a_long_program_is_thinned_evenly(tmp_path: Path) -> None:
+    """To two thousand poses or fewer, from the first on."""
+    (tmp_path / "cell.yaml").write_text("robot: irb6660-205-1.90\ntool: {position_mm: [0, 0, 200]}\n")
+    moves = "".join(f"  MoveL [[1400,{x:.2f},900],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tool0;\n"
+                    for x in np.linspace(-200, 200, 4001))
+    (tmp_path / "part.mod").write_text(f"MODULE Part\nPROC main()\n{moves}ENDPROC\nENDMODULE\n")
+    poses = compstiff.milling_poses(compstiff.read_cell(tmp_path / "cell.yaml"), tmp_path / "part.mod")
+    assert len(poses.theta) == 1334
+    np.testing.assert_allclose(1e3 * np.diff(poses.tcp[:, 1]), 0.3, atol=1e-6)
+    np.testing.assert_allclose(1e3 * poses.tcp[[0, -1], 1], [-200, 199.9], atol=1e-6)

@@ -7,7 +7,7 @@ import pytest
 
 from identification.design.criteria import a_criterion, d_criterion, e_criterion, i_criterion
 from identification.design.information import instrument, run_information
-from identification.design.loads import Slot, loads_of, slot
+from identification.design.loads import LoadTable, Slot, loads_of, slot
 from identification.design.milling import MillingPoses, prediction_weight
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import noise_model
@@ -99,6 +99,24 @@ def test_a_run_tells_what_identify_would_make_of_its_rows(cell, domain, pool, lo
         expected = noise.weights(VarianceComponents()).inner(design, design)
         found = run_information(rig, domain.look(theta[None]).columns, loads_of(loads))[0]
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+def test_a_line_along_an_axis_is_that_axis(domain, pool):
+    """A run with a line of its own has the loads of the axis that the line is along, beside runs that have none."""
+    columns = domain.look(pool.theta[:3]).columns
+    table = LoadTable((slot("free", "cycle", 300), slot("y", "single", 200)))
+    own = table.of(np.zeros(3, dtype=int), np.eye(3))
+    for k, axis in enumerate("xyz"):
+        one = run_information(domain.rig, columns[k: k + 1], loads_of(slot(axis, "cycle", 300)))
+        found = run_information(domain.rig, columns[k: k + 1], table.of(np.zeros(1, dtype=int), np.eye(3)[k: k + 1]))
+        np.testing.assert_allclose(found, one, rtol=1e-9, atol=1e-9 * np.abs(one).max())
+        np.testing.assert_allclose(np.abs(own.peak[k]).max(axis=0), 300 * np.eye(3)[k])
+    # The derivative by the line: of one along y, that of its second component.
+    step = 1e-3 * np.eye(3)[1:2]
+    ahead, here = (table.of(np.zeros(1, dtype=int), np.eye(3)[1:2] + sign * step) for sign in (1, -1))
+    np.testing.assert_allclose((ahead.force - here.force)[:, :, 1] / 2e-3, own.by_line[1:2])
+    np.testing.assert_allclose((ahead.peak - here.peak)[:, :, 1] / 2e-3, own.peak_by_line[1:2])
+    assert not table.of(np.ones(1, dtype=int), np.eye(3)[:1]).by_line.any()
 
 
 def test_the_sign_of_the_cycle_and_repeats_of_it(domain, pool):

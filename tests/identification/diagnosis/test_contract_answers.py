@@ -68,6 +68,11 @@ def test_the_report_says_what_the_terminal_says_next(tmp_path: Path, written: bo
     text, steps = steps_in((tmp_path / "r.html").read_text())
     assert steps[0] == run.err.split("next: compstiff ")[-1].split()[0] == ("correct" if written else "identify")
     assert ("mine.json" in text) == written
+    sizes = [re.search(rf"leaves? ([\d.]+) {unit} RMS, the noise allows ([\d.]+) {unit}", words)
+             for unit, words in (("um", run.out + run.err), ("µm", text))]
+    assert sizes[0] is not None
+    assert sizes[1] is not None
+    assert [float(each) for each in sizes[1].groups()] == pytest.approx([float(each) for each in sizes[0].groups()], abs=0.055)
 
 
 def test_the_report_of_a_cause_uses_the_file_that_was_written(rocking: Diagnosis, tmp_path: Path) -> None:

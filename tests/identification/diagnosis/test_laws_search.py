@@ -153,3 +153,9 @@ def test_what_is_seen_from_a_model_is_looked_at_once(monkeypatch: pytest.MonkeyP
     assert [found.levels for found in first] == seen == [2, 1, 2, 2]
     assert [search.survey(*call) is found for call, found in zip(calls[:3], first, strict=False)] == [not again] * 3
     assert len(seen) == 4 + again
+
+
+def test_numbers_of_causes_are_chances() -> None:
+    """One, two or three act, or none would be looked for; the fewer the likelier."""
+    assert sum(search.PRIOR_OF_SIZE) == pytest.approx(1.0)
+    assert list(search.PRIOR_OF_SIZE) == sorted(search.PRIOR_OF_SIZE, reverse=True)

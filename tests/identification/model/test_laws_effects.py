@@ -200,3 +200,13 @@ def test_the_scale_of_the_force_is_all_springs_changed_together() -> None:
         assert_allclose(scaled_too, as_it_is.elastic_position, atol=1e-9)
         in_proportion = (1 + gain) * others.elastic_position - as_it_is.elastic_position
         assert np.abs(in_proportion).max() > 1e-6
+
+
+def test_a_direction_is_tried_all_round() -> None:
+    """Of an angle that may be any a grid leaves no side out: from each start it is equally far to the next."""
+    angles = [parameter for effect in effects().values() for law in (effect, *effect.other_laws) for parameter in law.parameters
+              if parameter.unit == "rad" and parameter.grid and parameter.high - parameter.low > 6.28]
+    assert angles
+    for angle in angles:
+        starts = np.sort(angle.grid)
+        assert_allclose(np.diff([*starts, starts[0] + 2 * np.pi]), 2 * np.pi / len(starts), atol=2e-3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -167,6 +168,30 @@ def test_targets_out_of_reach_are_counted(folder: Path) -> None:
     run = check(folder, folder / "part.mod")
     assert run.code == 0
     assert "CS0114" in kit.codes(run)
+
+
+def test_the_first_target_out_of_reach_is_told_with_its_line(folder: Path) -> None:
+    """Of two, the fourth and the seventh: its number is that of the targets, its line that of the file."""
+    text, lines = (folder / "part.mod").read_text(), []
+    moves = list(re.finditer(r"Move[JL] *\[\[(-?[\d.]+),", text))
+    for move in (moves[7], moves[4]):
+        text = f"{text[:move.start(1)]}9999{text[move.end(1):]}"
+        lines.append(text[:move.start()].count("\n") + 1)
+    (folder / "part.mod").write_text(text)
+    (said,) = [one for one in check(folder, folder / "part.mod").json["findings"] if one["code"] == "CS0114"]
+    assert "does not reach 2 of" in said["message"]
+    assert (said["target"], said["line"]) == (4, lines[1])
+
+
+@pytest.mark.parametrize(("body", "code"), [
+    ("TriggL [[900,0,900],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,tOpen,fine,tool0;", 0), ("Set doSpindle;", 1)])
+def test_a_module_that_moves_by_other_instructions_has_no_move_of_its_own(folder: Path, body: str, code: int) -> None:
+    """One that does not move at all is no program."""
+    (folder / "open.mod").write_text(f"MODULE Open\nPROC rOpen()\n  {body}\nENDPROC\nENDMODULE\n")
+    run = check(folder, folder / "open.mod")
+    assert run.code == code
+    assert ("no move of its own" in run.out) == (code == 0)
+    assert ("CS4202" in kit.codes(run)) == (code == 1)
 
 
 APT = "UNITS/MM\nRAPID\nGOTO/0,0,60,0,0,1\nFEDRAT/1200,MMPM\n" + "".join(

@@ -549,3 +549,26 @@ def test_outputs_of_an_earlier_call_are_told_where_this_one_ends_without_its_own
     assert called(bad) == [
         "stiffness.json and identify.html stand there still, of an earlier call: nothing was written now"]
     assert output.read_bytes() == before
+
+
+def test_three_outputs_of_an_earlier_call_are_named_in_one_sentence(tmp_path: Path) -> None:
+    table = tmp_path / "m.csv"
+    (tmp_path / "cell.yaml").write_text(CELL)
+    table.write_text(measured().text(swap={(1, "dx_um"): "lost"}))
+    for name in ("d.json", "e.json", "r.html"):
+        (tmp_path / name).write_text("")
+    done = kit.run("diagnose", tmp_path / "cell.yaml", table, "-o", tmp_path / "d.json", "--extended", tmp_path / "e.json",
+                   "--report", tmp_path / "r.html", "--force", "--json")
+    (said,) = [one["message"] for one in done.json["findings"] if one["code"] == "CS0014"]
+    assert said.startswith("d.json, e.json and r.html stand there still")
+
+
+def test_the_re_seating_that_is_said_is_the_mean_of_the_three(tmp_path: Path) -> None:
+    """In stiffness.json each axis has its own."""
+    (tmp_path / "cell.yaml").write_text(CELL)
+    (tmp_path / "m.csv").write_text(measured().text())
+    done = kit.run("identify", tmp_path / "cell.yaml", tmp_path / "m.csv", "-o", tmp_path / "s.json")
+    assert done.code == 0, done
+    each = json.loads((tmp_path / "s.json").read_text())["fit"]["noise"]["pose_offset_um"]
+    assert min(each) > 0.1
+    assert f"re-seating {np.mean(each):.1f} um a pose" in done.out

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from identification.model.cell import read_cell
 from tests.runs.command_line import user_files as kit
@@ -65,6 +66,8 @@ def test_what_init_writes_is_checked_sound(cell: Path) -> None:
     assert kinds == {"cell.yaml": ("cell", "ok"), "measurements.csv": ("measurements", "note")}
     assert kit.codes(checked) == {"CS0112"}
     assert kit.table(cell / "measurements.csv") == []
+    # What the help says of an answer that was not given.
+    assert yaml.safe_load((cell / "cell.yaml").read_text())["measurement"]["deflection_std_um"] == [2, 2, 2]
     early = kit.run("identify", cell / "cell.yaml", cell / "measurements.csv", "-o", cell / "stiffness.json")
     assert early.code == 1
     assert "the sheet is empty" in early.err
@@ -283,3 +286,13 @@ def test_what_the_template_says_of_a_turned_sensor_is_read_so(cell: Path, tmp_pa
     np.testing.assert_allclose(frame.rotation @ [1, 0, 0], [np.sqrt(0.5), np.sqrt(0.5), 0], atol=1e-6)
     np.testing.assert_allclose(frame.position, [0, 0, 0.06])
     assert "force_log.sensor turned 45 deg about z" in kit.run("check", tmp_path / "cell.yaml").out
+
+
+def test_a_folder_that_has_programs_already_becomes_a_cell(tmp_path: Path) -> None:
+    """Whose programs stay."""
+    (tmp_path / "programs").mkdir()
+    (tmp_path / "programs" / "part.mod").write_text("MODULE A\nENDMODULE\n")
+    made = kit.run("init", tmp_path, "--robot", ROBOT, "--tool-tcp", TCP, "--json")
+    assert made.code == 0, made
+    assert (tmp_path / "cell.yaml").is_file()
+    assert (tmp_path / "programs" / "part.mod").read_text() == "MODULE A\nENDMODULE\n"

@@ -144,7 +144,7 @@ def test_stiffnesses_that_name_no_table_are_read_as_before(of_a_table: Path) -> 
 
 def test_the_earlier_of_two_corrections(corrected: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The second is made from the log of the pass with the first one's offsets, whatever the times of the files say; of two
-    from one log the later counts, and neither where a copy gave both one time."""
+    from one log the later counts, and neither where a copy gave both one time, to a second or two."""
     words = [word.replace("@out.mod", "@second.mod") for word in call(
         "--logged-with", "@offsets.csv", "--offsets", "@second.csv", "--scale", "1.05")]
     done = kit.run(*(str(corrected / word[1:]) if word.startswith("@") else word for word in words), "--json")
@@ -157,7 +157,7 @@ def test_the_earlier_of_two_corrections(corrected: Path, monkeypatch: pytest.Mon
     assert kit.codes(push(corrected)) & SAID == {"CS5026"}
     record = json.loads(records[1].read_text())
     record["offsets"]["file"], record["logged_with"] = "offsets.csv", None
-    for earlier, said in ((-3600.0, set()), (0.0, set()), (3600.0, {"CS4206"})):
+    for earlier, said in ((-3600.0, set()), (0.0, set()), (1.0, set()), (3.0, {"CS4206"}), (3600.0, {"CS4206"})):
         records[1].write_text(json.dumps(record))
         os.utime(records[1], (records[0].stat().st_mtime + earlier,) * 2)
         assert kit.codes(upload(corrected, monkeypatch)) & SAID == said
