@@ -104,6 +104,7 @@ def test_a_tool_that_is_lifted_out_of_a_slot_is_no_fast_move(tmp_path: Path) -> 
     found = coefficients(tmp_path, *job(tmp_path, "position", passes={-70.0: 18.0}, right=1080.0), 2e6)
     assert "CS4749" not in {finding.code for finding in found.findings}
     assert found.coefficients.chip == pytest.approx((0.04e-3, 0.04e-3), rel=0.02)
+    assert found.coefficients.told["spindle_rpm"] == pytest.approx(9000)
 
 
 def over(level: float) -> np.ndarray:
