@@ -85,7 +85,8 @@ def cutting_coefficients(
         raise error("CS4730", f"only {counted(len(rows.force), 'place')} with a force and engaged as the stock says, expected "
                     f"at least {FEWEST}", file=predicted.forces.log.source,
                     hint="is it the log of this program, and the stock it started from, in its work object? Along long moves "
-                    "a log by position, path length or time has more places than one that names targets")
+                    "a log by position, path length or time has more places than one that names targets; so has one that "
+                    "names the nearest target where its rows have time (time_s, or force_log.rate_hz in cell.yaml)")
     chip = cut.track.chip[cut.engagement.cuts & ~cut.engagement.unknown]
     mean, covariance, material, assumed = before(cell, float(np.median(chip)))
     found = fit_coefficients(rows, mean, covariance)
