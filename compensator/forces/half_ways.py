@@ -41,7 +41,7 @@ def on_half_ways(log: ForceLog, path: RobotPath) -> ForceLog:
         return log
     border = np.interp(borders(path.length), path.length, time)
     start, end = np.insert(border, 0, time[0]), np.append(border, time[-1])
-    samples, rows = (np.bincount(target, weight, minlength=len(time)) for weight in (log.weight, None))
+    samples, rows = np.bincount(target, log.weight, minlength=len(time)), np.bincount(target, minlength=len(time))
     cut = ~moves_in_air(toolpath) & (samples > 0) & (end > start)
     if not cut.any() or np.median(rows[cut]) < FEWEST or (
             log.time is None and not _taken_evenly(samples[cut], (end - start)[cut])):
