@@ -41,7 +41,8 @@ def on_half_ways(log: ForceLog, path: RobotPath) -> ForceLog:
         return log
     border = np.interp(borders(path.length), path.length, time)
     start, end = np.insert(border, 0, time[0]), np.append(border, time[-1])
-    samples, rows = np.bincount(target, log.weight, minlength=len(time)), np.bincount(target, minlength=len(time))
+    samples = np.bincount(target, log.weight, minlength=len(time)).astype(np.float64)
+    rows = np.bincount(target, minlength=len(time))
     cut = ~moves_in_air(toolpath) & (samples > 0) & (end > start)
     if not cut.any() or np.median(rows[cut]) < FEWEST or (
             log.time is None and not _taken_evenly(samples[cut], (end - start)[cut])):
