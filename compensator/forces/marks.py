@@ -73,10 +73,11 @@ def _ways(
         low = changes > edges and any(len(at) == changes for _, at in ways)
         turned = ("; it begins high, and counted from its first fall it has as many: is the wire active low, high while the "
                   "output is off?" if low else "")
+        hint = (f"turn the column {MARK} over, or the input: high while the output is on" if low else
+                "log from before the first target until behind the last, once, at more than 100 samples a second; a loop or an IF "
+                "switches another number of times")
         raise error("CS3088", f"the column {MARK} has {edges} edges, the program switches its output at {counts} targets"
-                    f"{turned}", file=log.source, hint=f"turn the column {MARK} over, or the input: high while the output is on" if low else
-                    "log from before the first target until behind the last, once, at more than 100 samples a second; a "
-                    "loop or an IF switches another number of times")
+                    f"{turned}", file=log.source, hint=hint)
     if len({tuple((at if order is None else order[at]).tolist()) for order, at in fits}) > 1:
         raise error("CS3123", f"the column {MARK} has {edges} edges, and so many has the program by several of its branches",
                     file=log.source, hint=HINT)
