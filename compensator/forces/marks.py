@@ -74,8 +74,8 @@ def _ways(
         turned = ("; it begins high, and counted from its first fall it has as many: is the wire active low, high while the "
                   "output is off?" if low else "")
         hint = (f"turn the column {MARK} over, or the input: high while the output is on" if low else
-                "log from before the first target until behind the last, once, at more than 100 samples a second; a loop or an IF "
-                "switches another number of times")
+                "log from before the first target until behind the last, once, at more than 100 samples a second; a loop or an "
+                "IF switches another number of times")
         raise error("CS3088", f"the column {MARK} has {edges} edges, the program switches its output at {counts} targets"
                     f"{turned}", file=log.source, hint=hint)
     if len({tuple((at if order is None else order[at]).tolist()) for order, at in fits}) > 1:
