@@ -145,7 +145,7 @@ def _attempt(file: Path, kind: Kind | str, read: Callable[[], tuple[str, tuple[F
 
 def _checked(file: Path, cell: Cell | None, settings: Settings) -> FileCheck:
     try:
-        kind = kind_of(file, cell.force_log.form if cell else ForceLogFile())
+        kind = kind_of(file, cell.force_log.form if cell else ForceLogFile(), settings.log.log_format)
     except CompstiffError as stopped:
         return FileCheck(file, "", "", stopped.findings)
     if kind == "robot":

@@ -27,8 +27,8 @@ SUFFIXES = (*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLES, ".yaml", ".yml", ".json", "
 LOG_NAME = ".forces."
 
 
-def kind_of(file: Path, form: ForceLogFile) -> Kind:
-    """The kind of a file. form: how the cell's logger writes, for a log without a header.
+def kind_of(file: Path, form: ForceLogFile, log_format: str | None = None) -> Kind:
+    """The kind of a file. form: how the cell's logger writes, for a log without a header; log_format: as for `read_force_log`.
 
     Raises CompstiffError: CS0110 none of the kinds that are read, and what the readers of headers, YAML and JSON raise.
     """
@@ -44,6 +44,8 @@ def kind_of(file: Path, form: ForceLogFile) -> Kind:
         return _of_json(file)
     if suffix in TABLES:
         return _of_table(file, form)
+    if suffix == ".lvm" or log_format is not None:
+        return "force log"
     raise _unknown(file, f"'{suffix}' is no suffix that is read, expected one of {', '.join(SUFFIXES)}")
 
 

@@ -6,7 +6,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -86,6 +86,9 @@ def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str
         raise
     except Exception as defect:
         return Outcome(findings=(_defect(session, defect),)), "defect", DEFECT
+    if outcome.exit_code == REFUSED and len(files.written) == before:
+        old = list(dict.fromkeys(files.earlier[known:]))
+        outcome = replace(outcome, findings=(*outcome.findings, *_of_earlier_calls(old)))
     return outcome, STATUS.get(outcome.exit_code, "failed"), outcome.exit_code
 
 

@@ -33,6 +33,7 @@ from identification.common.files import sha256
 from identification.common.findings import Finding, Refused, counted, error, verb
 from identification.common.quantities import two_sigma
 from identification.model.cell import Cell
+from identification.model.cell_file import ForceLogFile
 from identification.model.stiffness import IdentifiedModel
 
 Flags = NDArray[np.bool_]
@@ -84,15 +85,12 @@ def cutting_coefficients(
         raise error("CS4730", f"only {counted(len(rows.force), 'place')} with a force and engaged as the stock says, expected "
                     f"at least {FEWEST}", file=predicted.forces.log.source,
                     hint="is it the log of this program, and the stock it started from, in its work object? Along long moves "
-                    "a log by position, path length or time has more places than one that names targets")
+                    "a log by position, path length or time has more places than one that names targets; so has one that "
+                    "names the nearest target where its rows have time (time_s, or force_log.rate_hz in cell.yaml)")
     chip = cut.track.chip[cut.engagement.cuts & ~cut.engagement.unknown]
     mean, covariance, material, assumed = before(cell, float(np.median(chip)))
     found = fit_coefficients(rows, mean, covariance)
-    gain = 0.0 if cell.force_log.form.gain_std is None else cell.force_log.form.gain_std
-    seat = np.radians(cell.force_log.form.mounting_std_deg or 0.0)
-    turned = seat * np.einsum("kni,ani->ka", found.gain, np.cross(np.eye(3)[:, None], rows.force))
-    taken = np.einsum("kni,ni->k", found.gain, missing_force(cut, found.mean)[used])
-    covered = found.covariance + gain**2 * np.outer(found.mean, found.mean) + turned @ turned.T + np.outer(taken, taken)
+    covered = _covered(found, rows.force, cell.force_log.form, missing_force(cut, found.mean)[used])
     top, source = by_top(cut, found.mean), predicted.forces.log.source
     said = [*said_of_the_fit(found.mean, found.aside, cut.left.position_std, placed, used),
             *said_of_the_forces(rows, found, source), *said_of_the_top(top, used, rows, found, (mean, covariance), source)]
@@ -108,6 +106,16 @@ def cutting_coefficients(
     of_table = share_of_table(found, material, float(np.median(chip)))
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings, of_table,
                               too_large(top, used, found))
+
+
+def _covered(found: ForcePosterior, force: Array, form: ForceLogFile, missing: Array) -> Array:
+    """Covariance (6, 6) of the coefficients with what the rows of a log share: the sensor's gain, its seat, and the force that
+    an axis off its place takes, missing (n, 3) [N]. force (n, 3) [N]."""
+    gain, seat = form.gain_std, np.radians(form.mounting_std_deg or 0.0)
+    turned = seat * np.einsum("kni,ani->ka", found.gain, np.cross(np.eye(3)[:, None], force))
+    taken = np.einsum("kni,ni->k", found.gain, missing)
+    return np.asarray(
+        found.covariance + gain**2 * np.outer(found.mean, found.mean) + turned @ turned.T + np.outer(taken, taken))
 
 
 def _held_against(predicted: Predicted, blank: Blank, rpm: float | None) -> tuple[Cut, TargetForces, ForceRows, Flags]:

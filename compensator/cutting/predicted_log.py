@@ -15,6 +15,7 @@ from compensator.cutting.stock_file import read_stock
 from compensator.forces.log import ForceLog
 from compensator.forces.predicted_forces import PredictedForces, StockCut
 from compensator.path.robot_path import RobotPath
+from identification.common.arrays import Array
 from identification.common.findings import Finding
 from identification.model.cell import Cell, ForceLogFrame
 from identification.model.cell_file import ForceLogFile
@@ -46,13 +47,8 @@ def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path
     cut = cut_of(path, blank, rpm, step=step)
     check_same(coefficients, cut.cutter, path.cell.cutting.material, str(path.cell.source))
     force = cut.per_step @ coefficients.mean
-    covariance = np.einsum("sij,jk,slk->sil", cut.per_step, coefficients.covariance, cut.per_step)
-    size = np.linalg.norm(force, axis=1)
-    covariance += (coefficients.model_error * size)[:, None, None] ** 2 * np.eye(3) / 3
-    worn = _worn(path.cell, coefficients) * cut.per_step[:, :, EDGE] @ coefficients.mean[EDGE]
-    covariance += worn[:, :, None] * worn[:, None, :]
     follows = cut.change(coefficients.mean) / step
-    covariance += blank.position_std**2 * follows @ follows.swapaxes(1, 2)
+    covariance = _not_known(cut.per_step, coefficients, _worn(path.cell, coefficients), blank.position_std * follows)
     follows = follows @ path.base_from_object.rotation[cut.track.target].swapaxes(1, 2)
     # A target with a step of unknown force has none, and stays as it is.
     lost = cut.unknown[cut.track.target]
@@ -71,6 +67,16 @@ def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path
         np.maximum(np.round(cut.track.length[own] / pieces[own] / A_SAMPLE), 1.0), None, None, None, force,
         np.zeros(rows, dtype=bool), findings,
         predicted=PredictedForces(own, covariance, follows, _stated(cut, coefficients, step))), cut
+
+
+def _not_known(per_step: Array, coefficients: Coefficients, worn: float, aside: Array) -> Array:
+    """Covariance (S, 3, 3) [N^2] of the forces of steps, per_step (S, 3, 6) K: by the coefficients', the model's error, what
+    the edges need more by 1 sigma of wear, a share, and the stock where it stands by 1 sigma aside (S, 3, 3) [N]."""
+    edges = worn * per_step[:, :, EDGE] @ coefficients.mean[EDGE]
+    size = np.linalg.norm(per_step @ coefficients.mean, axis=1)
+    return np.asarray(np.einsum("sij,jk,slk->sil", per_step, coefficients.covariance, per_step)
+                      + (coefficients.model_error * size)[:, None, None] ** 2 * np.eye(3) / 3
+                      + edges[:, :, None] * edges[:, None, :] + aside @ aside.swapaxes(1, 2))
 
 
 def _worn(cell: Cell, coefficients: Coefficients) -> float:

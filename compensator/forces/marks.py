@@ -44,8 +44,10 @@ def placed_by_marks(
     where (k,) among them it switches. Raises CompstiffError: CS3088 the log has another number of edges than the program
     switches on any of them, CS3089 it was driven faster than programmed between two edges, CS3123 several ways have as many.
     """
-    edges = _edges(Path(log.source), form)
-    fits = _ways(log, ways, len(edges))
+    changes, up = _changes(Path(log.source), form)
+    # A fall before the first rise is the reset of an output that an earlier run left high.
+    edges = changes[int(np.argmax(up)):] if up.any() else changes[:0]
+    fits = _ways(log, ways, len(edges), len(changes))
     order, at = fits[0]
     if len(fits) > 1:
         log = replace(log, findings=(*log.findings, Finding(
@@ -61,16 +63,21 @@ def placed_by_marks(
 
 
 def _ways(
-    log: ForceLog, ways: Sequence[tuple[Indices | None, Indices]], edges: int
+    log: ForceLog, ways: Sequence[tuple[Indices | None, Indices]], edges: int, changes: int
 ) -> list[tuple[Indices | None, Indices]]:
-    """Those of the ways on which the program switches as often as the log shows, at the same targets."""
+    """Those of the ways on which the program switches as often as the log shows, at the same targets. edges: from the first
+    rise on; changes: with a fall before it."""
     fits = [(order, at) for order, at in ways if len(at) == edges]
     if not fits:
         counts = " or ".join(str(count) for count in sorted({len(at) for _, at in ways}))
-        raise error("CS3088", f"the column {MARK} has {edges} edges, the program switches its output at {counts} targets",
-                    file=log.source,
-                    hint="log from before the first target until behind the last, once, at more than 100 samples a second; a "
-                    "loop or an IF switches another number of times")
+        low = changes > edges and any(len(at) == changes for _, at in ways)
+        turned = ("; it begins high, and counted from its first fall it has as many: is the wire active low, high while the "
+                  "output is off?" if low else "")
+        hint = (f"turn the column {MARK} over, or the input: high while the output is on" if low else
+                "log from before the first target until behind the last, once, at more than 100 samples a second; a loop or an "
+                "IF switches another number of times")
+        raise error("CS3088", f"the column {MARK} has {edges} edges, the program switches its output at {counts} targets"
+                    f"{turned}", file=log.source, hint=hint)
     if len({tuple((at if order is None else order[at]).tolist()) for order, at in fits}) > 1:
         raise error("CS3123", f"the column {MARK} has {edges} edges, and so many has the program by several of its branches",
                     file=log.source, hint=HINT)
@@ -119,12 +126,12 @@ def _blocks(file: Path, form: ForceLogFile) -> Iterator[tuple[Array, Array]]:
         yield at, mark
 
 
-def _edges(file: Path, form: ForceLogFile) -> Array:
-    """When the mark changes [s], from its first rise on: half way between the samples on either side."""
+def _changes(file: Path, form: ForceLogFile) -> tuple[Array, NDArray[np.bool_]]:
+    """When the mark changes (k,) [s], half way between the samples on either side, and whether it rises."""
     low = min((float(mark.min()) for _, mark in _blocks(file, form) if len(mark)), default=0.0)
     high = max((float(mark.max()) for _, mark in _blocks(file, form) if len(mark)), default=0.0)
     if not high > low:
-        return np.zeros(0)
+        return np.zeros(0), np.zeros(0, dtype=bool)
     times, levels = [], []
     for at, mark in _blocks(file, form):
         share = (mark - low) / (high - low)
@@ -133,6 +140,4 @@ def _edges(file: Path, form: ForceLogFile) -> Array:
         levels.append(share[sure] > HIGH)
     time, level = np.concatenate(times), np.concatenate(levels)
     change = np.flatnonzero(np.diff(level.astype(int)))
-    # A fall before the first rise is the reset of an output that an earlier run left high.
-    change = change[int(np.argmax(level[change + 1])):] if level[change + 1].any() else change[:0]
-    return np.asarray(0.5 * (time[change] + time[change + 1]))
+    return np.asarray(0.5 * (time[change] + time[change + 1])), level[change + 1]

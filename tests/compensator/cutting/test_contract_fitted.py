@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from compensator.coefficients.fit import (
+    _covered,
     check_in_the_stock,
     said_of_the_fit,
     said_of_the_forces,
@@ -115,6 +117,22 @@ def test_a_chip_force_is_held_against_the_stated_material(shear: float, stated: 
         shear / {"aluminium": 1233, "titanium": 2519}[stated], rel=1e-3))
     assert [(one.code, one.level, one.message) for one in told] == (
         [("CS4747", "warning", f"the chip needs {said}")] if said else [])
+
+
+def test_what_all_rows_of_a_log_share_is_in_the_covariance(tmp_path: Path) -> None:
+    """The fit, which is linear, of logs whose sensor has another gain, sits turned about any axis, and of a spindle whose axis
+    stands off its place or does not: what is stated beside the fit's own covariance is how these scatter."""
+    rng = np.random.default_rng(11)
+    form = read_cell(write_cell(tmp_path, CELL + "force_log: {gain_std: 0.03, mounting_std_deg: 2}\n")).force_log.form
+    gain, force = rng.normal(size=(6, 30, 3)), rng.normal(100, 30, (30, 3))
+    mean, own, missing = np.einsum("kni,ni->k", gain, force), np.diag(np.arange(1.0, 7.0)), rng.normal(0, 3, (30, 3))
+    found: Any = SimpleNamespace(gain=gain, mean=mean, covariance=own)
+    logs = [(1 + 0.03 * rng.standard_normal()) * Rotation.from_rotvec(np.radians(2) * rng.standard_normal(3)).apply(force)
+            + sign * missing for sign in (1, -1) for _ in range(4000)]
+    off = np.einsum("kni,lni->lk", gain, np.array(logs)) - mean
+    scatter, stated = off.T @ off / len(off), _covered(found, force, form, missing) - own
+    scale = np.sqrt(np.diag(stated))
+    assert np.abs((scatter - stated) / np.outer(scale, scale)).max() < 0.06
 
 
 @pytest.mark.parametrize(("touches", "refused"), [(10, False), (2, False), (1, True), (0, True)])

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from compensator.cutting.cut import _sideways
 from compensator.cutting.cutter import Cutter
 from compensator.cutting.removal import mill_through
 from tests.compensator.cutting.milled import FLAT, MILL, block, force_of, milled, track_along
@@ -163,3 +166,23 @@ def test_forces_are_linear_in_the_coefficients() -> None:
     mixed = rng.normal(size=6)
     assert force_of(track, engaged, mixed) == pytest.approx(np.einsum("k,ksi->si", mixed, np.array(parts)), abs=1e-12)
     assert np.isfinite(force).all()
+
+
+def test_beside_the_stock_a_way_cuts_no_layer() -> None:
+    """Ways over the stock, and as far beside it as the tool reaches, go sideways in it; such as lie farther off along either
+    axis, and those straight up or down, do not."""
+    bounds, reach = 1e-3 * np.array([[0.0, 0, -20], [100, 50, 0]]), 10e-3
+
+    def one(start: Any, end: Any, z: tuple[float, float] = (-2, -2)) -> bool:
+        track: Any = SimpleNamespace(start=1e-3 * np.array([[*start, z[0]]]), end=1e-3 * np.array([[*end, z[1]]]))
+        return bool(_sideways(track, bounds, reach)[0])
+
+    assert one((10, 10), (20, 10))
+    assert one((10, 10), (10, 20), (-2, -5))
+    assert one((-30, 25), (130, 25))
+    assert not one((10, 10), (10, 10), (0, -5))
+    for axis, near, far in ((0, (-9, 25), (-11, 25)), (0, (109, 25), (111, 25)), (1, (50, -9), (50, -11)),
+                            (1, (50, 59), (50, 61))):
+        along = np.roll([0.0, 1.0], axis)
+        assert one(near, near + along)
+        assert not one(far, far + along)

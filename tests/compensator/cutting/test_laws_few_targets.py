@@ -50,7 +50,9 @@ def job(
             shown = (force if cuts else np.zeros(3)) + rng.normal(0, 2, 3)
             target = count if share > 0.5 else max(count - 1, 0)
             where = ",".join(f"{x:.3f}" for x in at) if by == "position" else str(target)
-            rows.append(f"{time:.4f},{where}," + ",".join(f"{x:.3f}" for x in shown))
+            rows.append(f"{where}," + ",".join(f"{x:.3f}" for x in shown))
+            if by != "target alone":
+                rows[-1] = f"{time:.4f},{rows[-1]}"
             time += 1 / RATE
         place, count = end, count + 1
 
@@ -68,7 +70,8 @@ def job(
     head = ('PERS tooldata tSpindle:=[TRUE,[[120,0,250],[1,0,0,0]],[80,[0,0,120],[1,0,0,0],0,0,0]];\nPROC main()\n')
     program, log = folder / "slots.mod", folder / "forces.csv"
     program.write_text(f"MODULE Slots\n{head}" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n")
-    log.write_text(f"time_s,{'x_mm,y_mm,z_mm' if by == 'position' else 'target'},fx_n,fy_n,fz_n\n" + "\n".join(rows) + "\n")
+    columns = {"position": "time_s,x_mm,y_mm,z_mm", "target": "time_s,target", "target alone": "target"}[by]
+    log.write_text(f"{columns},fx_n,fy_n,fz_n\n" + "\n".join(rows) + "\n")
     return program, log
 
 
@@ -84,7 +87,7 @@ def coefficients(
                                           compstiff.Settings.of(tare=((0, 1),)))
 
 
-@pytest.mark.parametrize("by", ["position", long("target")])
+@pytest.mark.parametrize("by", ["position", long("target"), long("target alone")])
 def test_five_slots_by_ten_targets_tell_the_coefficients(tmp_path: Path, by: str) -> None:
     """At three feeds, on an arm that hardly yields: the force of a slot within 2 %, and what is said holds."""
     found = coefficients(tmp_path, *job(tmp_path, by), 1e9)
@@ -104,6 +107,7 @@ def test_a_tool_that_is_lifted_out_of_a_slot_is_no_fast_move(tmp_path: Path) -> 
     found = coefficients(tmp_path, *job(tmp_path, "position", passes={-70.0: 18.0}, right=1080.0), 2e6)
     assert "CS4749" not in {finding.code for finding in found.findings}
     assert found.coefficients.chip == pytest.approx((0.04e-3, 0.04e-3), rel=0.02)
+    assert found.coefficients.told["spindle_rpm"] == pytest.approx(9000)
 
 
 def over(level: float) -> np.ndarray:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from compensator.coefficients.stock_top import said_of_the_top, too_large
+from compensator.coefficients.stock_top import by_top, said_of_the_top, too_large
 from compensator.cutting.materials import coefficients_of
 from compensator.cutting.posterior import ForceRows, fit_coefficients
 from tests.compensator.cutting.milled import TRUE
@@ -44,3 +46,29 @@ def test_what_a_millimetre_would_do_is_what_it_does() -> None:
     assert share == pytest.approx(10 * (more.mean[0] / found.mean[0] - 1), rel=0.15)
     assert 0.1 < share < 0.5                            # a millimetre of 4 and of 2, of which the edges' part takes some
     assert too_large(None, used, found) is None
+
+
+@pytest.mark.parametrize(("higher", "codes"), [(0.3e-3, []), (0.8e-3, ["CS4751"])])
+def test_of_a_fit_that_leaves_little_no_other_top_is_told(higher: float, codes: list[str]) -> None:
+    """A log without noise fits far better with the top where it was, however near that is: told where the fit leaves a part of
+    the force that matters."""
+    rows, top = two_levels(0.0)
+    rows = replace(rows, force=rows.weight @ TRUE + higher * top)
+    found = fit_coefficients(rows, *PRIOR)
+    told = said_of_the_top(top, np.ones(240, dtype=bool), rows, found, PRIOR, "log")
+    assert [finding.code for finding in told] == codes
+
+
+def test_a_top_that_is_known_or_was_not_tried_is_not_asked_for() -> None:
+    """Of a stock that stands just where its file says, and of a cut that was worked out without a tool aside."""
+    known: Any = SimpleNamespace(blank=SimpleNamespace(position_std=0.0), engagement=SimpleNamespace(moved=np.zeros(1)))
+    untried: Any = SimpleNamespace(blank=SimpleNamespace(position_std=1e-4), engagement=SimpleNamespace(moved=None))
+    assert by_top(known, TRUE) is None
+    assert by_top(untried, TRUE) is None
+
+
+def test_where_another_top_leaves_most_of_it_too_none_is_told() -> None:
+    """A millimetre more in forces that scatter by as much as it does: some of that would go, which is not far better."""
+    rows, top = two_levels(1e-3)
+    rows = replace(rows, force=rows.force + np.random.default_rng(1).normal(0, 5, rows.force.shape))
+    assert said_of_the_top(top, np.ones(240, dtype=bool), rows, fit_coefficients(rows, *PRIOR), PRIOR, "log") == []

@@ -146,14 +146,16 @@ def test_the_unit_is_told_where_calls_drive_in_another_order(
     assert all(f"it seems to be in {named}" in message for message in messages)
 
 
-@pytest.mark.parametrize(("unit", "named"), [
-    (1.0, ""), (1e3, "milliseconds"), pytest.param(1e6, "microseconds", marks=pytest.mark.long)])
-def test_the_unit_of_a_log_with_time_alone_is_asked_about(tmp_path: Path, unit: float, named: str) -> None:
-    """Noise over as long as the program takes is not placed; by its unit it is told only where that is another."""
+@pytest.mark.parametrize(("unit", "named", "begins"), [
+    (1.0, "", 0.0), (1e3, "milliseconds", 0.0), (1.0, "", 500.0),
+    pytest.param(1e6, "microseconds", 0.0, marks=pytest.mark.long)])
+def test_the_unit_of_a_log_with_time_alone_is_asked_about(tmp_path: Path, unit: float, named: str, begins: float) -> None:
+    """Noise over as long as the program takes is not placed; by its unit it is told only where that is another, whatever the
+    clock shows when the log begins, in times of what the program takes."""
     path = plan(tmp_path, count=COUNT)
     seconds = path.length[-1] / (1e-3 * FEED)
     noise = np.random.default_rng(3).normal(0, 50, (400, 3))
-    rows = "\n".join(f"{unit * seconds * k / 400:.6f},{x:.3f},{y:.3f},{z:.3f}" for k, (x, y, z) in enumerate(noise))
+    rows = "\n".join(f"{unit * seconds * (begins + k / 400):.6f},{x:.3f},{y:.3f},{z:.3f}" for k, (x, y, z) in enumerate(noise))
     (tmp_path / "forces.csv").write_text(f"time_s,fx_n,fy_n,fz_n\n{rows}\n")
     with pytest.raises(Refused) as refused:
         place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell)

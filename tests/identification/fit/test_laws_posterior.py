@@ -14,6 +14,8 @@ from benchmarks import fifth_arm
 from identification.common.findings import CompstiffError
 from identification.fit.fit import fit_stiffness
 from identification.fit.fitted_model import response
+from identification.fit.linear_start import check_sign
+from identification.fit.load_test import LoadTest
 from identification.fit.marginal import _log_posterior
 from identification.fit.priors import PriorModel
 from identification.fit.sag import sag_columns
@@ -286,6 +288,19 @@ def test_the_sign_turned_round_is_refused(tmp_path) -> None:
     with pytest.raises(CompstiffError, match="CS1010.*against the force") as caught:
         fit_stiffness(cell, replace(rows, wrench=-rows.wrench))
     assert "ON the tool" in caught.value.findings[0].hint
+
+
+def test_one_joint_that_moves_with_the_force_is_no_wrong_sign(tmp_path) -> None:
+    """Deflections of the independent arm, joint by joint, against the force in all but one, whose spring is a third as stiff as
+    assumed: that is another mistake, and no turned sign. The best factor on all of them is negative still."""
+    cell, rows = simulate(tmp_path, np.random.default_rng(21), poses=6, loads=2, quiet=True)
+    each = np.array([[IRB6660.deviation(q, cell.flange_from_tcp.position, w, np.where(one, TRUE, 1e15))[0]
+                      for q, w in zip(rows.theta, rows.wrench, strict=True)] for one in np.eye(6, dtype=bool)])
+    data = LoadTest.of(cell, rows)
+    for along in (0, 3):
+        check_sign(data, np.einsum("jni,j->ni", each, np.where(np.arange(6) == along, 3.0, -1.0)))
+    with pytest.raises(CompstiffError, match="CS1010"):
+        check_sign(data, -each.sum(axis=0))
 
 
 def test_readings_that_show_nothing_have_no_wrong_sign(tmp_path) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.identification.formats.test_contract_force_logs import lvm
 from tests.identification.motion import simulated_joint
 from tests.runs.command_line import test_mistakes as kit_mistakes
 from tests.runs.command_line import user_files as kit
@@ -413,3 +414,15 @@ def test_cutting_coefficients_are_held_against_the_cell_s_cutter(folder: Path, s
     (folder / "cutting.json").write_text(json.dumps(CUTTING))
     run = check(folder, folder / "cutting.json")
     assert (run.code, kit.codes(run)) == ((1, {code}) if code else (0, set()))
+
+
+def test_a_labview_file_is_a_force_log_whose_format_is_to_be_named(folder: Path) -> None:
+    """As `correct` says it; named, it is read."""
+    values = np.random.default_rng(2).normal(0, 20, (30, 3))
+    (folder / "log.lvm").write_bytes(lvm([(0.0, values)]).encode())
+    run = check(folder, folder / "log.lvm")
+    assert (run.code, verdicts(run)["log.lvm"]) == (1, ("force log", "error"))
+    [finding] = run.json["findings"]
+    assert (finding["code"], finding["hint"]) == ("CS0201", "read it with --log-format lvm")
+    named = check(folder, folder / "log.lvm", "--log-format", "lvm")
+    assert (named.code, verdicts(named)["log.lvm"][0]) == (0, "force log"), named

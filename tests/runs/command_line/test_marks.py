@@ -99,6 +99,20 @@ def test_a_lost_edge_is_refused(job: Job) -> None:
     assert f"{count - 1} edges" in result.json["findings"][0]["message"]
 
 
+def test_a_wire_that_is_active_low_is_named(job: Job) -> None:
+    """High while the output is off: the first switch is a fall. Of another program's marks it is not said."""
+    count = len(marked_targets(job))
+    for targets, named in ((marked_targets(job), True), (marked_targets(job)[:-2], False)):
+        header, *rows = log(targets).splitlines()
+        turned = [f"{row.rsplit(',', 1)[0]},{24 - float(row.rsplit(',', 1)[1]):.2f}" for row in rows]
+        job.forces = "\n".join([header, *turned]) + "\n"
+        result = job.correct("--json")
+        [finding] = [finding for finding in result.json["findings"] if finding["level"] == "error"]
+        assert finding["code"] == "CS3088"
+        assert f"at {count} targets" in finding["message"]
+        assert ("active low" in finding["message"], "turn the column mark over" in finding["hint"]) == (named, named)
+
+
 def test_a_log_with_marks_needs_the_program_with_marks(job: Job) -> None:
     job.forces, job.program = log(marked_targets(job)), PATH.program()
     result = job.correct("--json")

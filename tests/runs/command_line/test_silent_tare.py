@@ -78,3 +78,23 @@ def test_pauses_between_orientations_are_no_lost_samples(tmp_path: Path) -> None
     run = kit.run("tare", tmp_path / "cell.yaml", tmp_path / "still.csv", "--json")
     assert run.code == 0, run
     assert "CS3025" not in kit.codes(run)
+
+
+def test_a_tare_that_is_refused_says_that_the_old_keys_stand_there(tmp_path: Path) -> None:
+    """With --force, so that a script that looks for the file finds one: it is named, and is as it was; without one nothing is
+    said."""
+    cell = workshop(ROBOT).files["cell.yaml"].replace("frame: base", "frame: tool")
+    (tmp_path / "cell.yaml").write_text(cell)
+    values = np.column_stack(MISTAKES["y and z swapped"][0](*stills(0)))
+    rows = [",".join(f"{x:.5f}" for x in row) for row in values]
+    (tmp_path / "still.csv").write_text("\n".join([",".join(NAMES), *rows]) + "\n")
+    keys = tmp_path / "payload.yaml"
+    words = ("tare", tmp_path / "cell.yaml", tmp_path / "still.csv", "-o", keys, "--force", "--json")
+    first = kit.run(*words)
+    keys.write_text("mass_kg: 3\n")
+    again = kit.run(*words)
+    assert (first.code, again.code) == (3, 3), again
+    assert [one["message"] for one in first.json["findings"] if one["code"] == "CS0014"] == []
+    [said] = [one["message"] for one in again.json["findings"] if one["code"] == "CS0014"]
+    assert said.startswith("payload.yaml stands there still")
+    assert keys.read_text() == "mass_kg: 3\n"
