@@ -229,7 +229,7 @@ def _anew(time: Array, reference: NDArray[np.intp]) -> NDArray[np.bool_]:
     """The rows (N,) at which the clock begins anew, with a reference. Where it stands as the row before did it does so only if
     that one, too, is alone with a clock of its own: of a clock that runs on two rows have the same minute."""
     anew, first, own = np.zeros(len(time), dtype=bool), 0, True
-    for row in np.flatnonzero(np.diff(reference)) + 1:
+    for row in (np.flatnonzero(np.diff(reference)) + 1).tolist():
         anew[row] = time[row] < time[row - 1] or (own and time[row] == time[row - 1] == time[first])
         first, own = row, anew[row]
     return anew

@@ -242,8 +242,11 @@ def test_time_runs_on_where_the_clock_begins_anew(tmp_path: Path, times, running
 
 
 def test_what_is_wrong_is_told_in_the_order_of_the_lines(tmp_path: Path) -> None:
-    """Whatever column it stands in."""
-    rows = [ROW.replace("1.5", "lost"), ROW, ROW.replace("10,", "ten,"), ROW.replace("100", "much")]
+    """Whatever is wrong there; twenty of them are enough."""
+    beyond, unknown = ROW.replace("10,", "999,") + ",identify", f"{ROW},guess"
     with pytest.raises(CompstiffError) as caught:
-        read(tmp_path, HEADER, *rows)
-    assert [finding.line for finding in caught.value.findings] == [2, 4, 5]
+        read(tmp_path, f"{HEADER},purpose", beyond, f"{ROW},identify", unknown, beyond, unknown)
+    assert [finding.line for finding in caught.value.findings] == [2, 4, 5, 6]
+    with pytest.raises(CompstiffError) as caught:
+        read(tmp_path, f"{HEADER},purpose", *[unknown] * 25)
+    assert len(caught.value.findings) == 20
