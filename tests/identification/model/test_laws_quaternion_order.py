@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from compstiff.quaternion_orders import _other
 from identification.model.quaternion_order import as_written, in_words, other_order, said_of_order
 from identification.model.rotations import quaternion_to_matrix
 
@@ -62,3 +64,11 @@ def test_the_other_order_is_the_other_order() -> None:
         x, y, z, w = turn.as_quat(canonical=True)
         written = as_written(turn.as_matrix()).strip("[]").split(",")
         np.testing.assert_allclose(np.array(written, float), [w, x, y, z], atol=1e-6)
+
+
+def test_a_program_s_own_frames_are_turned_as_the_cell_s() -> None:
+    """SciPy's own order is x y z w."""
+    for turn in Rotation.random(20, rng=np.random.default_rng(5)):
+        assert_allclose(quaternion_to_matrix(_other(turn.as_quat())), turn.as_matrix(), atol=1e-12)
+    for nothing in (np.array([1.0, 0, 0, 0]), None):
+        assert _other(nothing) is nothing

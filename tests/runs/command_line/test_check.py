@@ -219,7 +219,8 @@ def test_every_turn_is_said_in_degrees(tmp_path: Path, quaternion: str, said: st
 
 @pytest.mark.parametrize("form", ["apt", "mod"])
 def test_the_order_that_reaches_the_program_is_named(tmp_path: Path, form: str) -> None:
-    """A robot that faces the world's y axis: with w last it lies on its back, and reaches nothing of the part."""
+    """A robot that faces the world's y axis: with w last it lies on its back, and reaches nothing of the part. One that stands
+    elsewhere reaches it in neither."""
     right = "base_frame: {quaternion: [0.70710678, 0, 0, 0.70710678]}"
     last = "base_frame: {quaternion: [0, 0, 0.70710678, 0.70710678]}"
     placed = PLACED.replace("[1400, 500, 800]", "[100, 1300, 700]") % [1, 0, 0, 0]
@@ -236,6 +237,9 @@ def test_the_order_that_reaches_the_program_is_named(tmp_path: Path, form: str) 
     named = ("with base_frame.quaternion [0.707107, 0, 0, 0.707107], which is cell.yaml's read as x y z w, every target is "
              "reached")
     assert sum(named in text for text in said) == 1
+    far = last.replace("{", "{position_mm: [9000, 0, 0], ")
+    (tmp_path / "cell.yaml").write_text(f"{placed}{far}\n")
+    assert "every target is reached" not in check(tmp_path, tmp_path / f"part.{form}").out
 
 
 def test_a_plan_is_no_broken_measurement(folder: Path) -> None:

@@ -296,3 +296,21 @@ def test_a_folder_that_has_programs_already_becomes_a_cell(tmp_path: Path) -> No
     assert made.code == 0, made
     assert (tmp_path / "cell.yaml").is_file()
     assert (tmp_path / "programs" / "part.mod").read_text() == "MODULE A\nENDMODULE\n"
+
+
+@pytest.mark.parametrize(("words", "asked"), [
+    ((), False), (("--force-frame", "sensor", "--sensor-position", "0,0,61"), True),
+    (("--force-frame", "sensor", "--sensor-position", "0,0,61", "--tool-mass", "30", "--tool-centre", "0,0,90"), False)])
+def test_what_a_sensor_carries_is_asked_for(tmp_path: Path, words: tuple[str, ...], asked: bool) -> None:
+    """The note is about the cell.yaml that was written."""
+    done = kit.run("init", tmp_path / "new", "--robot", ROBOT, "--tool-tcp", TCP, *words, "--json")
+    assert done.code == 0, done
+    said = [finding for finding in done.json["findings"] if finding["code"] == "CS0103"]
+    assert [finding["file"] for finding in said] == [str(tmp_path / "new" / "cell.yaml")] * asked
+
+
+def test_a_wrong_answer_is_told_of_the_file_that_would_have_been(tmp_path: Path) -> None:
+    done = kit.run("init", tmp_path / "new", "--robot", ROBOT, "--tool-tcp", "0,0,0.25", "--json")
+    assert done.code == 1
+    (said,) = [finding for finding in done.json["findings"] if finding["level"] == "error"]
+    assert said["file"] == str(tmp_path / "new" / "cell.yaml")
