@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 from compstiff.cli import console
 from compstiff.cli.main import compstiff as group
+from compstiff.cli.options import TargetRange
 from compstiff.outcome import Outcome, Session
 from identification.common.catalogue import catalogue
 from identification.common.files import check_writable, write_whole
@@ -193,3 +194,25 @@ def test_a_wrong_call_says_what_stands_where(words: tuple[str, ...], said: str) 
         body = decorate(body)
     code, _, stderr = run(body, *words)
     assert (code, said in stderr, "which takes" in stderr) == (2, True, "which takes" in said), stderr
+
+
+def test_a_folder_is_no_file_and_a_range_is_one_of_targets(tmp_path: Path) -> None:
+    """A range that was read already stays as it is: click reads a default again."""
+    done = CliRunner().invoke(group, ["identify", str(tmp_path), str(tmp_path), "-o", str(tmp_path / "s.json")])
+    assert done.exit_code == 2
+    assert "is a directory" in done.output
+    ranges = TargetRange()
+    assert ranges.convert(ranges.convert("3:11", None, None), None, None) == (3, 11)
+
+
+@pytest.mark.parametrize(("option", "least", "most"), [("--depth-of-cut", 0.01, 100.0), ("--slot-depth", 0.01, 100.0)])
+def test_a_depth_is_one_of_a_cut(option: str, least: float, most: float) -> None:
+    """[mm]: ten micrometres are a cut, as ten centimetres are; what is beyond is in another unit."""
+    command = group.get_command(click.Context(group), "correct")
+    assert command is not None
+    (given,) = [one for one in command.params if option in one.opts]
+    for number in (least, most):
+        assert given.type.convert(str(number), given, None) == pytest.approx(1e-3 * number)
+    for number in (0.99 * least, 1.01 * most):
+        with pytest.raises(click.BadParameter):
+            given.type.convert(str(number), given, None)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from compstiff.quaternion_orders import _other
+from compensator.path.robot_path import RobotPath
+from compstiff.quaternion_orders import _other, _reached
 from identification.model.quaternion_order import as_written, in_words, other_order, said_of_order
 from identification.model.rotations import quaternion_to_matrix
 
@@ -72,3 +76,10 @@ def test_a_program_s_own_frames_are_turned_as_the_cell_s() -> None:
         assert_allclose(quaternion_to_matrix(_other(turn.as_quat())), turn.as_matrix(), atol=1e-12)
     for nothing in (np.array([1.0, 0, 0, 0]), None):
         assert _other(nothing) is nothing
+
+
+@pytest.mark.parametrize(("known", "reached", "all_of_them"), [
+    ("yyn", "yyn", True), ("yyn", "ynn", False), ("nnn", "nnn", False), ("nyy", "nyy", True), ("yyy", "nnn", False)])
+def test_a_program_is_reached_where_every_known_target_is(known: str, reached: str, all_of_them: bool) -> None:
+    path = SimpleNamespace(known=np.array(list(known)) == "y", reached=np.array(list(reached)) == "y")
+    assert _reached(cast(RobotPath, path)) == all_of_them

@@ -430,3 +430,14 @@ def test_a_labview_file_is_a_force_log_whose_format_is_to_be_named(folder: Path)
     assert (finding["code"], finding["hint"]) == ("CS0201", "read it with --log-format lvm")
     named = check(folder, folder / "log.lvm", "--log-format", "lvm")
     assert (named.code, verdicts(named)["log.lvm"][0]) == (0, "force log"), named
+
+
+def test_rows_with_a_load_and_poses_are_counted(folder: Path) -> None:
+    """Of what is filled in; a row of zeros is the unloaded robot."""
+    sheet = folder / "measurements.csv"
+    header, *rows = sheet.read_text().splitlines()
+    names = header.split(",")
+    zero = [value if name.startswith("q") else "0" for name, value in zip(names, rows[0].split(","), strict=True)]
+    sheet.write_text("\n".join([header, ",".join(zero), *rows, ",".join(zero)]) + "\n")
+    (found,) = [one["found"] for one in check(folder, sheet).json["result"]["files"] if one["file"].endswith(".csv")]
+    assert found.startswith("62 rows, 60 with a load, ")

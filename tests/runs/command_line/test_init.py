@@ -18,6 +18,7 @@ import pytest
 import yaml
 
 from identification.model.cell import read_cell
+from identification.model.robot import built_in_robots
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.workshop import TOOL, USER, workshop
 from tests.virtual_cell.arm import ARMS
@@ -198,8 +199,6 @@ def test_every_answer_stands_in_the_cell(tmp_path: Path) -> None:
 
 
 def test_a_robot_file_goes_into_the_folder(tmp_path: Path) -> None:
-    from identification.model.robot import built_in_robots
-
     mine = tmp_path / "mine.yaml"
     mine.write_text(built_in_robots()["irb4400-60"].read_text().replace("name: irb4400-60", "name: mine"))
     done = kit.run("init", tmp_path / "new", "--robot", mine, "--tool-tcp", "100,0,250", "--json")
@@ -309,8 +308,14 @@ def test_what_a_sensor_carries_is_asked_for(tmp_path: Path, words: tuple[str, ..
     assert [finding["file"] for finding in said] == [str(tmp_path / "new" / "cell.yaml")] * asked
 
 
-def test_a_wrong_answer_is_told_of_the_file_that_would_have_been(tmp_path: Path) -> None:
-    done = kit.run("init", tmp_path / "new", "--robot", ROBOT, "--tool-tcp", "0,0,0.25", "--json")
+@pytest.mark.parametrize("of", ["cell.yaml", "mine.yaml"])
+def test_a_wrong_answer_is_told_of_the_file_that_would_have_been(tmp_path: Path, of: str) -> None:
+    """The cell's, or the robot's own."""
+    mine = tmp_path / "mine.yaml"
+    text = (built_in_robots()["irb4400-60"]).read_text().replace("name: irb4400-60", "name: mine")
+    mine.write_text(text if of == "cell.yaml" else text.replace("joints:", "joins:"))
+    tcp = "0,0,0.25" if of == "cell.yaml" else TCP
+    done = kit.run("init", tmp_path / "new", "--robot", mine, "--tool-tcp", tcp, "--json")
     assert done.code == 1
-    (said,) = [finding for finding in done.json["findings"] if finding["level"] == "error"]
-    assert said["file"] == str(tmp_path / "new" / "cell.yaml")
+    said = [finding for finding in done.json["findings"] if finding["level"] == "error"]
+    assert {finding["file"] for finding in said} == {str(tmp_path / "new" / of)}
