@@ -85,7 +85,7 @@ def _left_of(aside: Array, yields: Array) -> float:
 
 def _judged(planned: Predicted, offsets: Array | None) -> tuple[Finding, ...]:
     log, path, targets = planned.forces.log, planned.path, planned.targets
-    if log.beside is None or path.axes.driven:
+    if log.beside is None or path.axes.driven or len(targets) < FEWEST:
         return ()
     placed = np.isfinite(log.place) & np.isfinite(log.beside).all(axis=1)
     target = nearest_target(path.length, log.place[placed])
