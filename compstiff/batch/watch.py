@@ -151,7 +151,7 @@ class Watch:
             self.handled[files.program] = stamps
             return None
         written = [_from(self.folders.output, path) for path in outputs]
-        own = all(file in self.journal.outputs for file, path in zip(written, outputs, strict=True) if path.exists())
+        own = all(file in self.journal.outputs for file, path in zip(written, outputs, strict=True) if os.path.lexists(path))
         self.journal.begun(name, key, written)
 
         def still_the_same() -> None:
