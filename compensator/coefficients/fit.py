@@ -88,11 +88,8 @@ def cutting_coefficients(
     chip = cut.track.chip[cut.engagement.cuts & ~cut.engagement.unknown]
     mean, covariance, material, assumed = before(cell, float(np.median(chip)))
     found = fit_coefficients(rows, mean, covariance)
-    gain = 0.0 if cell.force_log.form.gain_std is None else cell.force_log.form.gain_std
-    seat = np.radians(cell.force_log.form.mounting_std_deg or 0.0)
-    turned = seat * np.einsum("kni,ani->ka", found.gain, np.cross(np.eye(3)[:, None], rows.force))
     taken = np.einsum("kni,ni->k", found.gain, missing_force(cut, found.mean)[used])
-    covered = found.covariance + gain**2 * np.outer(found.mean, found.mean) + turned @ turned.T + np.outer(taken, taken)
+    covered = found.covariance + of_the_sensor(cell, found, rows.force) + np.outer(taken, taken)
     top, source = by_top(cut, found.mean), predicted.forces.log.source
     said = [*said_of_the_fit(found.mean, found.aside, cut.left.position_std, placed, used),
             *said_of_the_forces(rows, found, source), *said_of_the_top(top, used, rows, found, (mean, covariance), source)]
@@ -108,6 +105,15 @@ def cutting_coefficients(
     of_table = share_of_table(found, material, float(np.median(chip)))
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings, of_table,
                               too_large(top, used, found))
+
+
+def of_the_sensor(cell: Cell, found: ForcePosterior, force: Array) -> Array:
+    """Covariance (6, 6) of coefficients that were fitted to force (n, 3) [N], by what is not known of the sensor: its gain, and
+    how it is turned in its seat."""
+    form = cell.force_log.form
+    seat = np.radians(form.mounting_std_deg or 0.0)
+    turned = seat * np.einsum("kni,ani->ka", found.gain, np.cross(np.eye(3)[:, None], force))
+    return np.asarray(form.gain_std**2 * np.outer(found.mean, found.mean) + turned @ turned.T)
 
 
 def _held_against(predicted: Predicted, blank: Blank, rpm: float | None) -> tuple[Cut, TargetForces, ForceRows, Flags]:

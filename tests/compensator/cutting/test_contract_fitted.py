@@ -9,9 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from compensator.coefficients.fit import (
+    before,
     check_in_the_stock,
+    of_the_sensor,
     said_of_the_fit,
     said_of_the_forces,
     said_of_the_material,
@@ -150,3 +153,33 @@ def test_the_table_s_chip_is_that_of_the_feed_in_the_cut(tmp_path: Path) -> None
     mean, covariance = coefficients_of("aluminium", 1e-4)
     np.testing.assert_allclose(found.mean, mean, rtol=1e-12)
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("stated", "gain", "seat"), [
+    ("", 0.01, 0.0), ("force_log: {gain_std: 0.2}\n", 0.2, 0.0), ("force_log: {gain_std: 0}\n", 0.0, 0.0),
+    ("force_log: {gain_std: 0, mounting_std_deg: 2}\n", 0.0, 2.0),
+    ("force_log: {gain_std: 0.1, mounting_std_deg: 0.5}\n", 0.1, 0.5)])
+def test_what_is_not_known_of_the_sensor_moves_the_coefficients_as_other_forces_do(
+        tmp_path: Path, stated: str, gain: float, seat: float) -> None:
+    """Of a fit that is linear in the forces: these so much larger, or turned about each axis of the sensor. A gain that is not
+    stated is known to a hundredth (docs/formats.md), a seat that is not stated is exact."""
+    rng = np.random.default_rng(31)
+    force, slope = 100 * rng.standard_normal((40, 3)), rng.standard_normal((6, 40, 3))
+    found: Any = SimpleNamespace(mean=np.einsum("kni,ni->k", slope, force), gain=slope)
+    expected = np.outer(gain * found.mean, gain * found.mean)
+    for axis in np.eye(3):
+        moved = np.einsum("kni,ni->k", slope, Rotation.from_rotvec(1e-6 * axis).apply(force) - force) / 1e-6
+        expected += np.radians(seat) ** 2 * np.outer(moved, moved)
+    told = of_the_sensor(read_cell(write_cell(tmp_path, CELL + stated)), found, force)
+    np.testing.assert_allclose(told, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
+
+
+def test_without_a_material_next_to_nothing_is_known_before(tmp_path: Path) -> None:
+    """Steel's, five times as wide as by the table; said, and not that a material was taken."""
+    mean, covariance, material, said = before(read_cell(write_cell(tmp_path)), 0.1e-3)
+    of_steel, as_known = coefficients_of("steel", 0.1e-3)
+    np.testing.assert_array_equal(mean, of_steel)
+    np.testing.assert_allclose(covariance, 25 * as_known, rtol=1e-12)
+    assert material is None
+    assert [(one.code, one.level) for one in said] == [("CS4732", "note")]
+    assert "not stated" in said[0].message

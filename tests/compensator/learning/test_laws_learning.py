@@ -26,6 +26,7 @@ from compensator.learning.other_pass import refuse_other_pass
 from compensator.learning.pages import _along, _verdict
 from compensator.learning.path_places import _nearest
 from compensator.learning.posterior import posterior
+from compensator.learning.refusals import _missing
 from compensator.learning.rows import Rows, slope_along
 from compensator.learning.shifted import said_of_shift
 from compensator.learning.sizes import (
@@ -39,6 +40,7 @@ from compensator.learning.sizes import (
 )
 from compensator.learning.terms import DRIFT_STD, SHIFT_STD, TURN_STD, Terms
 from compensator.learning.unshown import unshown
+from identification.common.arrays import rms
 from identification.common.findings import Refused
 from identification.model.rotations import Frame
 
@@ -643,3 +645,25 @@ def test_points_of_the_pass_without_the_offsets_are_told_from_those_with_them(mo
         with pytest.raises(Refused) as stopped:
             refuse_other_pass(replace(rows, value=first - offsets), told, offsets, "points.csv")
         assert stopped.value.findings[0].code == "CS5335"
+
+
+@pytest.mark.parametrize(("bent", "words"), [
+    (0.0, "100 % of it grow with the distance"), (0.4, "of it grow with the distance"), (1.5, "it is bent within the part")])
+def test_a_remainder_that_grows_with_the_distance_is_a_scale_and_all_else_is_bent(bent: float, words: str) -> None:
+    """At places whose coordinates are independent and have all moments of a square: what is of the second order has nothing of
+    the first, and each has the share that Pythagoras says."""
+    places = np.array([(x, y, z) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0) for z in (-1.0, 1.0)])
+    count = len(places)
+    centre, radius = np.array([1.3, 0.0, 0.7]), 0.05
+    rows = SimpleNamespace(position=centre + radius * places, direction=np.tile(np.eye(3)[0], (count, 1)),
+                           place=np.arange(count))
+    rows = type("Rows", (SimpleNamespace,), {"__len__": lambda self: count})(**vars(rows))
+    scale, second = places @ [1.0, 0.5, -0.3], places[:, 0] * places[:, 1]
+    second *= bent * rms(scale) / rms(second)
+    learning: Any = SimpleNamespace(
+        terms=SimpleNamespace(rows=rows), parts={"remainder": 30e-6 * (scale + second)},
+        learned=SimpleNamespace(frame=JobFrame(Frame.identity(), centre, radius, 1.0)))
+    told = _missing(learning)
+    assert words in told
+    if "grow" in words:
+        assert told.startswith(f"{100 / (1 + bent**2):.0f} %")
