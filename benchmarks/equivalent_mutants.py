@@ -164,4 +164,6 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
      "when a search for where another begins ends: time alone"),
     ("identification/fit/linear_start.py", "x, value, damping = x + step, trial, 0.2 * damping", "* -> /",
      "the damping of that search: other steps to the same place"),
+    ("compensator/coefficients/fitted.py", "for now, was, size in zip(std, self.before, largest, strict=True)]",
+     "True -> False", "of six coefficients each"),
 )
