@@ -166,4 +166,8 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
      "the damping of that search: other steps to the same place"),
     ("compensator/coefficients/fitted.py", "for now, was, size in zip(std, self.before, largest, strict=True)]",
      "True -> False", "of six coefficients each"),
+    ("compensator/upload/session.py", "base_url=controller.url, transport=Bounded(transport), trust_env=False,",
+     "False -> True", "a client that is given its transport takes no proxy of the environment"),
+    ("compensator/path/arc_length.py", "known = np.flatnonzero((np.abs(position) < FARTHEST).all(axis=1))", "< -> <=",
+     "a bound beyond all sense, met exactly by no target"),
 )

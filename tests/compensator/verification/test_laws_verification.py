@@ -145,7 +145,8 @@ def test_the_scale_beside_a_constant_is_that_of_the_components_that_were_measure
 
 @pytest.mark.parametrize("alone", [True, False])
 def test_a_part_that_is_off_as_before_is_said_beside_what_else_is_said(tmp_path: Path, alone: bool) -> None:
-    """Measured twice with a micrometre of noise, the second time at a place less; the very same readings are said to be such."""
+    """Measured twice with a micrometre of noise, the second time at a place less; the very same readings are said to be that.
+    """
     rng, cell = np.random.default_rng(19), read_cell(write_cell(tmp_path))
     before = rng.normal(0, 40, (40, 3))
 
