@@ -22,6 +22,7 @@ from compensator.coefficients.fit import (
     table_coefficients,
 )
 from compensator.coefficients.fitted import FittedCoefficients
+from compensator.coefficients.next_cut import TestCut as OneCut
 from compensator.coefficients.next_cut import next_cut
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import cut_of
@@ -29,6 +30,7 @@ from compensator.cutting.materials import coefficients_of
 from identification.common.findings import Finding, Refused
 from identification.model.cell import read_cell
 from tests.compensator.cutting.milled import FLAT, TRUE
+from tests.compensator.cutting.test_laws_posterior import textbook
 from tests.support import CELL, write_cell
 
 
@@ -50,6 +52,16 @@ def test_what_a_cut_would_tell_is_a_share(factor: float) -> None:
     other = next_cut(factor * mean, factor**2 * covariance, FLAT, 4e-3, 1e-4, factor * 5.0)
     assert replace(other, before=one.before, after=one.after) == one
     assert (other.before, other.after) == pytest.approx((one.before, one.after), rel=1e-9)
+
+
+@pytest.mark.parametrize("width", [0.1, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("climb", [True, False])
+def test_the_force_of_a_test_cut_is_the_integral_over_its_arc(width: float, climb: bool) -> None:
+    """Numerically; of a slot from side to side, of less from the side that climbs, or from the other."""
+    reach = np.arccos(1 - 2 * width)
+    arc = (-np.pi / 2, -np.pi / 2 + reach) if climb else (np.pi / 2 - reach, np.pi / 2)
+    found = OneCut(width, climb, 0.8e-4).weight(FLAT, 4e-3)
+    assert found == pytest.approx(textbook(*arc, 0.8e-4, 4e-3), abs=1e-5 * np.abs(found).max())
 
 
 def test_what_is_known_before_is_how_far_forces_scatter() -> None:

@@ -15,8 +15,9 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from compensator.verification.batch_means import mean_along
-from compensator.verification.comparison import compare, estimate_scale
+from compensator.verification.comparison import Scale, compare, estimate_scale
 from compensator.verification.readings import Readings, nearest, read_readings
+from compensator.verification.verify import _scale_text
 from compensator.verification.verify import verify as verify_files
 from compstiff.cli.main import compstiff
 from identification.common.findings import CompstiffError
@@ -141,6 +142,18 @@ def test_the_scale_beside_a_constant_is_that_of_the_components_that_were_measure
     assert found.with_constant == pytest.approx(beside, rel=1e-9)
     assert found.constant_um == pytest.approx(1e6 * np.array(constants), rel=1e-6)
     assert found.points == len(set(row))
+
+
+@pytest.mark.parametrize(("interval", "inside"), [((0.9, 1.1), True), ((1.0, 1.2), True), ((0.8, 1.0), True),
+                                                  ((1.01, 1.2), False), ((0.8, 0.99), False)])
+def test_a_scale_is_advised_where_one_lies_outside(interval: tuple[float, float], inside: bool) -> None:
+    """And where it lies inside that is said, and no scale advised."""
+    scale = Scale(100, float(np.mean(interval)), interval, 0.9, 0.95, 100.0, 20.0, None, None, (0.0,) * 3, False, 16, False)
+    text = _scale_text(scale)
+    assert ("1 lies inside: no scale is needed" in text) == inside
+    assert ("Advice: correct" in text) != inside
+    assert "No scale is advised" not in text
+    assert "No scale is advised" in _scale_text(replace(scale, interval=None))
 
 
 @pytest.mark.parametrize("alone", [True, False])
