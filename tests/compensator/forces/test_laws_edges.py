@@ -38,3 +38,19 @@ def test_what_the_force_does_inside_the_cut_is_no_edge() -> None:
     # Half of the stretch ripples: its variance is F^2/4 + (0.2 F)^2/2, inside the cut (0.2 F)^2.
     np.testing.assert_allclose(found[2], np.abs(FORCE) * np.sqrt(0.25 + 0.02 - 0.04), rtol=1e-9)
     np.testing.assert_allclose(np.delete(found, 2, axis=0), 0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize(("weaker", "edge"), [(0.45, True), (0.55, False)])
+def test_an_edge_is_where_a_neighbour_has_under_half_of_the_force(weaker: float, edge: bool) -> None:
+    """A step between two targets of many samples, of which the stronger has a sample of the other side; a target without
+    samples is no neighbour without force, and one of a single row tells nothing of the scatter inside a cut."""
+    target = np.concatenate([np.repeat([0, 1, 2, 3], 20), [5]])
+    force = np.where(np.arange(81)[:, None] < 41, weaker, 1.0) * FORCE
+    force[80] = FORCE
+    rows = TargetRows(6, target, np.ones(81))
+    mean = rows.mean(force)
+    found = at_edges(rows, force, mean, np.linalg.norm(mean, axis=1) > 0)
+    expected = np.zeros((6, 3))
+    if edge:
+        expected[2] = np.abs(FORCE) * (1 - weaker) * np.sqrt(0.05 * 0.95)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-5)

@@ -65,3 +65,10 @@ def test_a_leap_is_told_where_it_was_by_its_size(stood: float, behind: int) -> N
     for when, by in found:
         assert when == pytest.approx(away, abs=0.01)
         assert by == pytest.approx(stood, abs=0.15)
+
+
+def test_a_log_beside_its_program_has_no_leap() -> None:
+    """Placed behind the end of it, where no stretch has a sample."""
+    program = SimpleNamespace(time=np.array([0.0, 5.0, 6.0, 11.0]), period=6.0, stretches=[(0, 1), (2, 3)])
+    regression: Any = SimpleNamespace(program=program, planned=lambda _: np.arange(20.0, 30.0))
+    assert leaps(regression, np.zeros(2), np.zeros(10)) == ()

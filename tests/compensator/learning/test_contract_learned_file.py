@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,5 +73,38 @@ def test_a_covariance_that_is_none_is_refused(tmp_path: Path, off: float, kept: 
         assert read_learned(file, cell).covariance[0, 1] == content["covariance"][1][0]
         return
     with pytest.raises(CompstiffError, match="semidefinite") as stopped:
+        read_learned(file, cell)
+    assert stopped.value.findings[0].code == "CS5320"
+
+
+@pytest.mark.parametrize(("changed", "own", "code"), [
+    ({}, "", ""), ({"version": 2}, "", "CS5320"), ({"format": "compstiff-stiffness"}, "", "CS5320"),
+    ({"version": 2, "format": "x"}, "", "CS5320"), ({"springs": 5}, "", "CS5320"), ({"springs": 7}, "", "CS5320"),
+    ({"mean": [0.0] * 20}, "", "CS5320"), ({"prior": [0.0] * 5}, "", "CS5320"), ({"covariance": [[1.0]]}, "", "CS5320"),
+    ({"robot": "another"}, "", "CS5321"), ({"robot_sha256": "0"}, "", ""), ({"geometry_sha256": "0"}, "", ""),
+    ({"robot_sha256": "0", "geometry_sha256": "0"}, "", "CS5321"),
+    ({"serial_number": "A1"}, "A1", ""), ({"serial_number": "A1"}, "", ""), ({}, "A1", ""),
+    ({"serial_number": "A1"}, "A2", "CS5321")])
+def test_what_was_learned_elsewhere_or_is_not_whole_is_refused(
+        tmp_path: Path, changed: dict[str, object], own: str, code: str) -> None:
+    """A robot is the same by its file or by its geometry, and another one by its serial number where both are known."""
+    cell = read_cell(write_cell(tmp_path))
+    content = learned_json(learned(), cell) | changed
+    file = tmp_path / "learned.json"
+    file.write_text(json.dumps(content))
+    cell = replace(cell, robot=replace(cell.robot, serial_number=own or None))
+    if not code:
+        assert read_learned(file, cell).springs == SPRINGS
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read_learned(file, cell)
+    assert stopped.value.findings[0].code == code
+
+
+@pytest.mark.parametrize("text", ["[1, 2]", "no json", "[" * 100_000])
+def test_what_is_no_learned_file_is_refused(tmp_path: Path, text: str) -> None:
+    cell, file = read_cell(write_cell(tmp_path)), tmp_path / "learned.json"
+    file.write_text(text)
+    with pytest.raises(CompstiffError) as stopped:
         read_learned(file, cell)
     assert stopped.value.findings[0].code == "CS5320"
