@@ -187,4 +187,10 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
     ("compensator/correction/places_between.py",
      "cut = (forced | np.insert(forced[:-1], 0, False)) & ~moves_in_air(path.toolpath) & (rows >= 2 * SAMPLES)",
      "False -> True", "to the first target there is no move, and no sample lies on it"),
+    ("compensator/coefficients/fitted.py", "for now, was, size in zip(std, self.before, largest, strict=True)]",
+     "True -> False", "of six coefficients each"),
+    ("compensator/upload/session.py", "base_url=controller.url, transport=Bounded(transport), trust_env=False,",
+     "False -> True", "a client that is given its transport takes no proxy of the environment"),
+    ("compensator/path/arc_length.py", "known = np.flatnonzero((np.abs(position) < FARTHEST).all(axis=1))", "< -> <=",
+     "a bound beyond all sense, met exactly by no target"),
 )

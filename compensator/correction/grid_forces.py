@@ -32,7 +32,7 @@ def forces_on(planned: Predicted, fine: RobotPath, grid: Grid, closest: Array) -
         known = ~np.isnan(given)
         # The chords of an arc are shorter than it is.
         log = _on_their_moves(log, planned)
-        log = replace(log, place=log.place + np.interp(log.place, given[known], (fine.length[kept] - given)[known]))
+        log = replace(log, place=along_chords(log.place, given[known], fine.length[kept][known]))
         air = kept[np.minimum(np.array(planned.settings.log.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
         # The tare was judged on the program itself.
         placed = place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air], trust_tare=True,
@@ -56,6 +56,12 @@ def forces_on(planned: Predicted, fine: RobotPath, grid: Grid, closest: Array) -
     forced = forces.forced[low] & (own | forces.forced[high])
     return replace(forces, wrench=np.where(forced[:, None], between(forces.wrench), 0.0), samples=samples,
                    standard_error=between(forces.standard_error), forced=forced)
+
+
+def along_chords(place: Array, given: Array, now: Array) -> Array:
+    """Where places (M,) [m] along a path whose targets stand at path lengths given (n,) [m] are if these are `now` (n,) [m]: in
+    proportion between two of them, and as far before the first and behind the last one."""
+    return np.asarray(place + np.interp(place, given, now - given))
 
 
 def _on_their_moves(log: ForceLog, planned: Predicted) -> ForceLog:

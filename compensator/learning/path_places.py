@@ -194,13 +194,14 @@ def _resting_object(predicted: Predicted) -> Frame:
 
 
 def _between(predicted: Predicted, place: Array) -> tuple[Indices, Indices, Array, NDArray[np.bool_]]:
-    """Of path lengths (n,) [m]: rows of the prediction before and after, share of the way, and whether both have force."""
+    """Of path lengths (n,) [m], none on a path of fewer than two known targets: rows of the prediction before and after, share
+    of the way, and whether both have force."""
     length, targets = predicted.path.length, predicted.targets
     known = np.flatnonzero(~np.isnan(length))
     row = np.full(len(length), -1)
     row[targets] = np.arange(len(targets))
     upper = np.clip(np.searchsorted(length[known], place, side="left"), 1, max(len(known) - 1, 1))
-    first, last = known[upper - 1], known[np.minimum(upper, len(known) - 1)]
+    first, last = known[upper - 1], known[upper]
     run = length[last] - length[first]
     with np.errstate(invalid="ignore", divide="ignore"):
         share = np.where(run > 0, (place - length[first]) / run, 0.0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import click
 import numpy as np
@@ -12,7 +14,7 @@ from compensator.correction.correct import Corrected
 from compensator.correction.cutting_prior import MATERIALS, WIDTH, of_force, of_material
 from compensator.correction.cutting_stiffness import ZERO, CuttingStiffness, PassPair, of_either_sign, posterior
 from compensator.correction.known_slot import through_zero
-from compensator.correction.logged_pass import known_before
+from compensator.correction.logged_pass import known_before, of_passes
 from compensator.correction.settings import Estimate
 from compstiff.cli.options import ScaledEstimate
 from identification.model.cell_file import CuttingFile
@@ -203,3 +205,20 @@ def test_the_stiffness_of_a_slot_is_in_proportion() -> None:
     assert np.std(values) == pytest.approx(wanted, rel=0.12)
     assert np.median(widths) == pytest.approx(wanted, rel=0.15)
     assert through_zero(prior, np.zeros(3), np.ones(3)) == prior
+
+
+@pytest.mark.parametrize(("targets", "slots", "taken"), [(40, 0, True), (39, 0, False), (50, 10, True), (50, 11, False)])
+def test_forty_targets_beside_slots_tell_how_stiff_a_cut_is(targets: int, slots: int, taken: bool) -> None:
+    """Of fewer nothing is taken from the passes: what was known before stays."""
+    pair = drawn(np.random.default_rng(14), 25e3, targets=targets)
+    pair = replace(pair, slot=(np.arange(targets) < slots).astype(float))
+    prior = CuttingStiffness(40e3, 60e3, "material", mean_std=60e3)
+    forces = SimpleNamespace(log=SimpleNamespace(source="log.csv"), wrench=np.full((targets, 6), 100.0))
+    predicted: Any = SimpleNamespace(forces=forces, targets=np.arange(targets))
+    found, said = of_passes(prior, [pair], predicted)
+    assert found is not None
+    assert (found is prior) != taken
+    assert bool(said) == taken
+    if taken:
+        assert abs(found.value - 25e3) < 3 * found.mean_std < 15e3
+        assert said[0].code == "CS4124"

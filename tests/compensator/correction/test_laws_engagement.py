@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
+from compensator.correction import slot_cut
 from compensator.correction.correct import correct
 from compensator.correction.engagement import _where_it_changes
 from compensator.correction.files import Inputs, predict_files
@@ -377,3 +379,18 @@ def test_where_the_force_changes_along_the_path_a_step_across_may_change_it_as_m
     off = grows[before] - np.median(grows[wall])
     assert np.abs(off).max() > 80
     assert 0.5 < rms(off) / rms(of_one_mm[before]) < 1.0, "of that order, and rather too wide than too narrow"
+
+
+@pytest.mark.parametrize(("length", "inside"), [(7, [3]), (8, [3, 4]), (6, []), (20, list(range(3, 17)))])
+def test_a_full_slot_is_one_for_three_targets_on_either_side(
+        monkeypatch: pytest.MonkeyPatch, length: int, inside: list[int]) -> None:
+    """A slot by its direction for so many targets amid a wall, pushed alike by 200 N and once by 190, which is as full."""
+    share, across = np.zeros(40), np.full(40, 500.0)
+    share[10:10 + length], across[10:10 + length] = 0.9, 200.0
+    across[12] = 190.0
+    monkeypatch.setattr(slot_cut, "cut_shares", lambda path, force: (0 * share, share))
+    nothing: Any = None
+    assert np.flatnonzero(slot_cut.full_slot(nothing, np.zeros((40, 3)), across)).tolist() == [10 + k for k in inside]
+    across[12] = 170.0          # where the tool enters it
+    assert np.flatnonzero(slot_cut.full_slot(nothing, np.zeros((40, 3)), across)).tolist() == [
+        10 + k for k in inside if k > 5]

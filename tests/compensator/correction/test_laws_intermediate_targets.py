@@ -18,7 +18,7 @@ from compensator.correction.correct import Corrected, correct
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.fine_grid import _around, fine_grid
 from compensator.correction.force_changes import noise_of_one
-from compensator.correction.grid_forces import forces_on
+from compensator.correction.grid_forces import along_chords, forces_on
 from compensator.correction.grid_path import asks_for_all, grid_path
 from compensator.correction.needed_targets import Wanted, beyond_noise, needed_points, window_means, windows
 from compensator.correction.settings import Estimate, Settings
@@ -515,6 +515,20 @@ def test_points_of_a_grid_are_driven_like_the_moves_they_lie_on(tmp_path: Path) 
     narrow = replace(robot, limits=np.column_stack([robot.limits[:, 0], np.r_[robot.limits[:5, 1], robot.limits[5, 0] + 0.01]]))
     fine = grid_path(replace(planned.path, cell=replace(planned.cell, robot=narrow)), grid)
     np.testing.assert_array_equal(fine.reached, ~grid.further)
+
+
+def test_a_log_along_an_arc_is_carried_onto_its_chords() -> None:
+    """Targets every 20 degrees of an arc between two straight moves, two points on each piece: every target's sample is at the
+    target again, those between are in proportion, and before and behind all of it they keep their distance."""
+    on, around = np.radians(np.arange(0, 181, 20)), 0.05
+    given = np.concatenate([[0.0], 0.1 + around * on, [0.1 + around * np.pi + 0.2]])
+    chord = 3 * 2 * around * np.sin(np.radians(20 / 6))
+    now = np.concatenate([[0.0], 0.1 + chord * np.arange(10), [0.1 + 9 * chord + 0.2]])
+    np.testing.assert_allclose(along_chords(given, given, now), now, atol=1e-15)
+    middle = 0.5 * (given[1:] + given[:-1])
+    np.testing.assert_allclose(along_chords(middle, given, now), 0.5 * (now[1:] + now[:-1]), atol=1e-15)
+    beyond = along_chords(np.array([-0.01, given[-1] + 0.02]), given, now)
+    np.testing.assert_allclose(beyond, [-0.01, now[-1] + 0.02], atol=1e-15)
 
 
 def test_forces_that_name_targets_are_straight_from_one_to_the_next() -> None:

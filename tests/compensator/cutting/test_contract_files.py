@@ -40,6 +40,13 @@ def test_a_box_is_a_box(tmp_path: Path) -> None:
     assert (blank.cell, blank.position_std, blank.stated) == (0.5e-3, 0.2e-3, True)
 
 
+def test_what_a_stock_does_not_state_is_as_documented(tmp_path: Path) -> None:
+    """docs/cutting.md: points 0.2 mm apart, and a blank that stands where it is said to 0.1 mm, which nobody stated."""
+    blank = read_stock(written(tmp_path, BOX))
+    assert (blank.cell, blank.position_std, blank.stated) == (0.2e-3, 0.1e-3, False)
+    assert blank.stock(np.array([-5e-3]), 0.0).position_std == 0.1e-3
+
+
 @pytest.mark.parametrize(("text", "code"), [
     ("resolution_mm: 0.2\n", "CS0102"), (BOX + "left_by: a.npz\n", "CS0102"),
     ("box: {from_mm: [0, 0, 0], to_mm: [50, 40, 0]}\n", "CS0102"), (BOX + "resolution_mm: 0.001\n", "CS0102"),

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from compensator.coefficients.fit import (
     _covered,
+    before,
     check_in_the_stock,
     said_of_the_fit,
     said_of_the_forces,
@@ -21,6 +22,7 @@ from compensator.coefficients.fit import (
     table_coefficients,
 )
 from compensator.coefficients.fitted import FittedCoefficients
+from compensator.coefficients.next_cut import TestCut as OneCut
 from compensator.coefficients.next_cut import next_cut
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import cut_of
@@ -28,6 +30,7 @@ from compensator.cutting.materials import coefficients_of
 from identification.common.findings import Finding, Refused
 from identification.model.cell import read_cell
 from tests.compensator.cutting.milled import FLAT, TRUE
+from tests.compensator.cutting.test_laws_posterior import textbook
 from tests.support import CELL, write_cell
 
 
@@ -49,6 +52,16 @@ def test_what_a_cut_would_tell_is_a_share(factor: float) -> None:
     other = next_cut(factor * mean, factor**2 * covariance, FLAT, 4e-3, 1e-4, factor * 5.0)
     assert replace(other, before=one.before, after=one.after) == one
     assert (other.before, other.after) == pytest.approx((one.before, one.after), rel=1e-9)
+
+
+@pytest.mark.parametrize("width", [0.1, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("climb", [True, False])
+def test_the_force_of_a_test_cut_is_the_integral_over_its_arc(width: float, climb: bool) -> None:
+    """Numerically; of a slot from side to side, of less from the side that climbs, or from the other."""
+    reach = np.arccos(1 - 2 * width)
+    arc = (-np.pi / 2, -np.pi / 2 + reach) if climb else (np.pi / 2 - reach, np.pi / 2)
+    found = OneCut(width, climb, 0.8e-4).weight(FLAT, 4e-3)
+    assert found == pytest.approx(textbook(*arc, 0.8e-4, 4e-3), abs=1e-5 * np.abs(found).max())
 
 
 def test_what_is_known_before_is_how_far_forces_scatter() -> None:
@@ -168,3 +181,34 @@ def test_the_table_s_chip_is_that_of_the_feed_in_the_cut(tmp_path: Path) -> None
     mean, covariance = coefficients_of("aluminium", 1e-4)
     np.testing.assert_allclose(found.mean, mean, rtol=1e-12)
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("stated", "gain", "seat"), [
+    ("", 0.01, 0.0), ("force_log: {gain_std: 0.2}\n", 0.2, 0.0), ("force_log: {gain_std: 0}\n", 0.0, 0.0),
+    ("force_log: {gain_std: 0, mounting_std_deg: 2}\n", 0.0, 2.0),
+    ("force_log: {gain_std: 0.1, mounting_std_deg: 0.5}\n", 0.1, 0.5)])
+def test_what_is_not_known_of_the_sensor_moves_the_coefficients_as_other_forces_do(
+        tmp_path: Path, stated: str, gain: float, seat: float) -> None:
+    """Of a fit that is linear in the forces: these so much larger, or turned about each axis of the sensor. A gain that is not
+    stated is known to a hundredth (docs/formats.md), a seat that is not stated is exact."""
+    rng = np.random.default_rng(31)
+    force, slope = 100 * rng.standard_normal((40, 3)), rng.standard_normal((6, 40, 3))
+    found: Any = SimpleNamespace(mean=np.einsum("kni,ni->k", slope, force), gain=slope, covariance=np.zeros((6, 6)))
+    expected = np.outer(gain * found.mean, gain * found.mean)
+    for axis in np.eye(3):
+        moved = np.einsum("kni,ni->k", slope, Rotation.from_rotvec(1e-6 * axis).apply(force) - force) / 1e-6
+        expected += np.radians(seat) ** 2 * np.outer(moved, moved)
+    form = read_cell(write_cell(tmp_path, CELL + stated)).force_log.form
+    told = _covered(found, force, form, np.zeros_like(force))
+    np.testing.assert_allclose(told, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
+
+
+def test_without_a_material_next_to_nothing_is_known_before(tmp_path: Path) -> None:
+    """Steel's, five times as wide as by the table; said, and not that a material was taken."""
+    mean, covariance, material, said = before(read_cell(write_cell(tmp_path)), 0.1e-3)
+    of_steel, as_known = coefficients_of("steel", 0.1e-3)
+    np.testing.assert_array_equal(mean, of_steel)
+    np.testing.assert_allclose(covariance, 25 * as_known, rtol=1e-12)
+    assert material is None
+    assert [(one.code, one.level) for one in said] == [("CS4732", "note")]
+    assert "not stated" in said[0].message

@@ -178,3 +178,18 @@ def test_the_distance_to_a_way_is_the_least_to_its_places(way: tuple[float, floa
         up = np.maximum(off[..., 2], 0.0) if shank else 0.0
         least = np.sqrt(off[..., 0] ** 2 + off[..., 1] ** 2 + (off[..., 2] - up) ** 2).min(axis=1)
         assert beyond_way(points, first, first + np.array(way), shank) == pytest.approx(least, abs=5e-4)
+
+
+@pytest.mark.parametrize("slope", [-30.0, 30.0])
+def test_a_thick_layer_that_is_empty_is_air_down_to_its_foot(slope: float) -> None:
+    """What a layer of 4 mm says holds for all of it: the stock under it is cut as one that ends there, also by a tool that goes
+    aside."""
+    two = block(LOW, HIGH, (-4.0,), 0.25)
+    inside = two.inside.copy()
+    inside[1] = -inside.max()
+    track = track_along(ramp(slope, 0.0, 6.0, 10.0), CHIP)
+    empty, _ = mill_through(replace(two, inside=inside), track, BALL, 1e-4)
+    none, _ = mill_through(block(LOW, (HIGH[0], HIGH[1], -4.0), (), 0.25), track, BALL, 1e-4)
+    assert empty.cuts.sum() > 10
+    np.testing.assert_array_equal(empty.weights, none.weights)
+    np.testing.assert_array_equal(empty.moved[:2], none.moved[:2])

@@ -31,7 +31,9 @@ def two_levels(higher: float) -> tuple[ForceRows, np.ndarray]:
 
 @pytest.mark.parametrize(("higher", "words"), [(1e-3, "1.0 mm higher"), (-1.5e-3, "1.5 mm lower"), (0.0, "")])
 def test_a_log_of_two_levels_tells_where_the_top_was(higher: float, words: str) -> None:
+    """Beside a stock that may stand aside, which it does not."""
     rows, top = two_levels(higher)
+    rows = replace(rows, aside=np.random.default_rng(7).normal(0, 1, (240, 3, 2)))
     found = said_of_the_top(top, np.ones(240, dtype=bool), rows, fit_coefficients(rows, *PRIOR), PRIOR, "log")
     assert [finding.code for finding in found] == ["CS4751"] * bool(words)
     assert not words or words in found[0].message

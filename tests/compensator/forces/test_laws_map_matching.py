@@ -181,6 +181,19 @@ def test_a_tool_beside_its_pass_leaves_it_for_no_other_that_is_not_much_nearer()
     assert np.isfinite(found).mean() > 0.97
 
 
+def test_a_segment_holds_what_is_from_its_start_to_before_its_end() -> None:
+    """Asked for by steps, and by a leap beyond what is at hand: the last one that begins there or before, and none before the
+    one that was asked from."""
+    s = np.arange(3001.0)
+    segments = Segments(np.column_stack([s, 0 * s, 0 * s]), s)
+    segments._load(0)
+    for first in (0, 3, 2040):
+        for arc in (first, first + 0.5, first + 1, first + 7, first + 7.5, first + 100, 2999.5):
+            assert segments.holding(float(arc), first) == int(arc)
+        assert segments.holding(first - 0.5, first) == first
+    assert segments.holding(2900.0, 2900) == 2900
+
+
 def test_a_log_off_the_path_costs_no_more_a_sample_on_a_long_program(monkeypatch: pytest.MonkeyPatch) -> None:
     """Counted: segments that are made plain numbers, projected on or found near, and samples walked."""
     counted = []

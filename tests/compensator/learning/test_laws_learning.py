@@ -17,7 +17,7 @@ from compensator.learned.learned import CHUNK, DRIFT, SETUP, JobFrame, Learned, 
 from compensator.learned.remainder import POSTURE, Remainder, spread_out
 from compensator.learning import fitted_part
 from compensator.learning import sizes as of_sizes
-from compensator.learning.causes import Asked
+from compensator.learning.causes import Asked, said_of_causes
 from compensator.learning.chance import FALSE_RATE, _ratio, chance_of_remainder
 from compensator.learning.fitted_part import _seen_of_the_job
 from compensator.learning.held_out import held_out
@@ -26,6 +26,7 @@ from compensator.learning.other_pass import refuse_other_pass
 from compensator.learning.pages import _along, _verdict
 from compensator.learning.path_places import _nearest
 from compensator.learning.posterior import posterior
+from compensator.learning.refusals import _missing
 from compensator.learning.rows import Rows, slope_along
 from compensator.learning.shifted import said_of_shift
 from compensator.learning.sizes import (
@@ -39,6 +40,7 @@ from compensator.learning.sizes import (
 )
 from compensator.learning.terms import DRIFT_STD, SHIFT_STD, TURN_STD, Terms
 from compensator.learning.unshown import unshown
+from identification.common.arrays import rms
 from identification.common.findings import Refused
 from identification.model.rotations import Frame
 
@@ -556,6 +558,15 @@ def test_no_point_is_shifted_on_one_target_or_none() -> None:
         assert said_of_shift(rows, np.array([1e-4, -1e-4, 3e-4]), job, "points.csv") == []
 
 
+def test_where_nothing_is_predicted_no_point_is_shifted() -> None:
+    """As along normals that stand across the deviation."""
+    length = np.linspace(0.0, 0.3, 31)
+    job = SimpleNamespace(path=SimpleNamespace(length=length), targets=np.arange(31),
+                          prediction=SimpleNamespace(position=np.zeros((31, 3))))
+    rows = SimpleNamespace(sigma=np.full(31, 3e-6), seen=lambda field: field[:, :1])
+    assert said_of_shift(rows, 50e-6 * np.sin(length / 0.01), job, "points.csv") == []
+
+
 def test_the_deviation_is_as_steep_as_the_steeper_side() -> None:
     """Per metre of path, by component; targets nearer than 0.1 mm count as that far apart."""
     job = SimpleNamespace(path=SimpleNamespace(length=np.array([0.0, 9.0, 9.01, 9.03, 9.03001])), targets=np.arange(1, 5))
@@ -582,6 +593,19 @@ def test_the_verdict_on_causes_says_what_was_asked() -> None:
     assert Asked(None, rows).verdict == "not asked"
     assert Asked(named, rows).verdict == "named"
     assert Asked(named, rows, withdrawn="it made stretches left out worse").verdict == "unknown"
+
+
+@pytest.mark.parametrize(("verdict", "code", "level", "words"), [
+    ("named", "CS4610", "warning", "the part shows play (backlash[2]), 97 %"),
+    ("ambiguous", "CS4611", "warning", "and not which: none is carried"),
+    ("unknown", "CS4613", "note", "in 20.0 % of parts"), ("adequate", "", "", "")])
+def test_what_is_said_of_the_causes_is_their_verdict(verdict: str, code: str, level: str, words: str) -> None:
+    cause = SimpleNamespace(label="backlash[2]", sentence="play", probability=0.97, effect=SimpleNamespace(of_robot=True))
+    found: Any = SimpleNamespace(verdict=verdict, causes=(cause,), clear=False)
+    rows: Any = None
+    said = said_of_causes(Asked(found, rows, p_value=0.2), "points.csv")
+    assert [(one.code, one.level) for one in said] == ([(code, level)] if code else [])
+    assert not said or words in said[0].message
 
 
 def test_a_part_is_drawn_along_the_path_with_gaps_where_nothing_was_measured() -> None:
@@ -643,3 +667,25 @@ def test_points_of_the_pass_without_the_offsets_are_told_from_those_with_them(mo
         with pytest.raises(Refused) as stopped:
             refuse_other_pass(replace(rows, value=first - offsets), told, offsets, "points.csv")
         assert stopped.value.findings[0].code == "CS5335"
+
+
+@pytest.mark.parametrize(("bent", "words"), [
+    (0.0, "100 % of it grow with the distance"), (0.4, "of it grow with the distance"), (1.5, "it is bent within the part")])
+def test_a_remainder_that_grows_with_the_distance_is_a_scale_and_all_else_is_bent(bent: float, words: str) -> None:
+    """At places whose coordinates are independent and have all moments of a square: what is of the second order has nothing of
+    the first, and each has the share that Pythagoras says."""
+    places = np.array([(x, y, z) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0) for z in (-1.0, 1.0)])
+    count = len(places)
+    centre, radius = np.array([1.3, 0.0, 0.7]), 0.05
+    rows = SimpleNamespace(position=centre + radius * places, direction=np.tile(np.eye(3)[0], (count, 1)),
+                           place=np.arange(count))
+    rows = type("Rows", (SimpleNamespace,), {"__len__": lambda self: count})(**vars(rows))
+    scale, second = places @ [1.0, 0.5, -0.3], places[:, 0] * places[:, 1]
+    second *= bent * rms(scale) / rms(second)
+    learning: Any = SimpleNamespace(
+        terms=SimpleNamespace(rows=rows), parts={"remainder": 30e-6 * (scale + second)},
+        learned=SimpleNamespace(frame=JobFrame(Frame.identity(), centre, radius, 1.0)))
+    told = _missing(learning)
+    assert words in told
+    if "grow" in words:
+        assert told.startswith(f"{100 / (1 + bent**2):.0f} %")

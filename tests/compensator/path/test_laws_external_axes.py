@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import compstiff
 from compensator.correction.engagement import across_feed
-from compensator.path.external_axes import standing_values
+from compensator.path.external_axes import _share_of_arc, standing_values
 from compensator.path.legs import Poses, build_legs
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.path.route import joint_rates
@@ -124,3 +124,14 @@ def kit_share(path: RobotPath) -> float:
     """Which share of the first arc stands before its circle point, by the lengths of its parts."""
     length = path.length
     return float((length[2] - length[1]) / (length[3] - length[1]))
+
+
+@pytest.mark.parametrize("unknown", [None, 0, 1, 2])
+def test_a_circle_point_stands_half_way_where_its_arc_is_not_known(unknown: int | None) -> None:
+    """An arc of 120 degrees whose circle point stands behind 30: a quarter of it, but with a point of it unknown half."""
+    angle = np.radians([0.0, 30.0, 120.0, 130.0])
+    position = 0.2 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle]) + [1.0, 0.4, 0.3]
+    if unknown is not None:
+        position[unknown] = np.nan
+    share = _share_of_arc(position, np.array([1]))
+    assert share == pytest.approx([0.25 if unknown is None else 0.5], rel=1e-9)

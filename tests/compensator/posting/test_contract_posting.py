@@ -314,6 +314,10 @@ def test_a_marked_program_is_the_posted_one_with_its_marks(tmp_path, cell, split
         content for file, content in plain.files.items() if file.suffix == ".mod")
     assert b"SetDO doMark,1;" in marked.files[tmp_path / "p_marktest.mod"]
     assert read_rapid(marked.files[tmp_path / "p_marktest.mod"], "t.mod").toolpath.move.size == 0
+    # Ten pulses of 0.25 s, as docs/marking.md says.
+    body = marked.files[tmp_path / "p_marktest.mod"].partition(b"PROC main()")[2]
+    assert re.findall(rb"FROM 1 TO \d+|WaitTime [\d.]+", body) == [
+        b"WaitTime 1", b"FROM 1 TO 10", b"WaitTime 0.25", b"WaitTime 0.25"]
     again = marks_of(planned(tmp_path / "shell.apt", cell, settings))
     assert again is not None
     assert len(again) == text.count(b",doMark,") >= 5

@@ -103,6 +103,15 @@ def test_speeds_and_zones_that_no_milling_has(chosen: dict[str, float], expected
     assert said(with_air(corners_only(np.random.default_rng(7))), **chosen) == expected
 
 
+def test_a_slow_rapid_is_said_where_there_is_one_beside_cuts_alone() -> None:
+    """Of a path that never leaves the cut, or that has no cut of known feed, nothing can be slower."""
+    whole = with_air(rows(np.random.default_rng(9)))
+    assert "CS4323" in said(whole, rapid_mm_s=5.0)
+    assert "CS4323" not in said(replace(whole, rapid=np.zeros(len(whole), dtype=bool), feed=np.full(len(whole), 0.02)),
+                                rapid_mm_s=5.0)
+    assert "CS4323" not in said(replace(whole, feed=np.full(len(whole), np.nan)), rapid_mm_s=5.0)
+
+
 @pytest.mark.parametrize(("text", "rpm"), [
     ("SPINDL/9000,RPM,CLW\nGOTO/0,0,0", 9000.0), ("GOTO/0,0,0", 0.0), ("SPINDL/120,SFM,CLW\nGOTO/0,0,0", 0.0),
     ("SPINDL/RPM,7000\nRAPID\nGOTO/0,0,9\nSPINDL/8000\nGOTO/0,0,0\nSPINDL/100\nGOTO/1,0,0", 8000.0)])

@@ -44,6 +44,7 @@ def codes(toolpath: Toolpath) -> list[str]:
     ({"main": "rMine wPart; %name% wOther;", "rMine__PERS_wobjdata_wx": "@x"}, ["CS2023"]),
     ({"rMine__PERS_wobjdata_wx": "@x"}, ["CS2023"]),                                        # called from another file alone
     ({"main": "rMine tMill;", "rMine__PERS_tooldata_tx": "@y"}, ["CS2057"]),
+    ({"main": "rMine tMill;", "rMine__PERS_loaddata_tx": "@y"}, ["CS2022"]),                # no tool by its type
 ])
 def test_what_is_said_of_what_a_call_hands_over(routines: dict[str, str], said: list[str]) -> None:
     assert codes(path(**routines)) == said

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from compensator.rapid import read_rapid
@@ -168,3 +171,19 @@ def test_calls_within_calls_are_followed_as_far_as_a_controller_would() -> None:
         run = runs(main="r0;", **chain)
         assert (len(run.ways) == 1) == sure
         assert run.times[:100].tolist() == [1] * 100
+
+
+@pytest.mark.parametrize(("order", "kept"), [
+    ([0, 1, 2, 3], {(-1, 0), (1, 2)}), ([1, 2, 1, 2], {(0, 1), (2, 3)}), ([3, 2, 1, 0], set()),
+    ([0, 2, 1, 3, 1, 2], {(-1, 0), (4, 5)}), ([2, 0], set())])
+def test_moves_that_are_not_counted_go_with_the_two_targets_they_lie_between(
+        order: list[int], kept: set[tuple[int, int]]) -> None:
+    """A way along other targets before the first one and between the second and the third: on a path through the same targets
+    in another order it is wherever these two follow each other so, and the path begins with it where that one does."""
+    text = "".join(f"MoveL {target(number)},v100,z1,tool0;\n" for number in range(4))
+    toolpath = replace(read_rapid(f"MODULE M\nPROC main()\n{text}ENDPROC\nENDMODULE\n".encode()).toolpath,
+                       uncounted=((-1, 0), (1, 2)))
+    taken = toolpath.taken(np.array(order))
+    assert set(taken.uncounted) == kept
+    np.testing.assert_array_equal(taken.position, toolpath.position[order])
+    assert replace(toolpath, uncounted=()).taken(np.array(order)).uncounted == ()

@@ -103,3 +103,24 @@ def test_a_controller_that_sends_elsewhere_is_not_followed(status):
         # Whoever connected before the answer came stands in the queue.
         with pytest.raises(BlockingIOError):
             elsewhere.accept()
+
+
+def test_nothing_of_the_environment_decides_whom_is_asked(monkeypatch, tmp_path):
+    """Neither a proxy nor certificates or names that it states, of which there are none."""
+    class Greeting(Digest):
+        def greeted(self):
+            self.send_response(200)
+            body = b'{"_embedded": {"_state": [{"_type": "sys", "name": "here"}]}}'
+            self.send_header("Content-Type", "application/json")
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+    for name in ("HTTP_PROXY", "http_proxy", "ALL_PROXY", "all_proxy"):
+        monkeypatch.setenv(name, "http://127.0.0.1:9")
+    for name in ("NO_PROXY", "no_proxy"):
+        monkeypatch.delenv(name, raising=False)
+    for name in ("SSL_CERT_FILE", "SSL_CERT_DIR", "NETRC"):
+        monkeypatch.setenv(name, str(tmp_path / "none"))
+    with session_with(Greeting) as opened:
+        assert opened.states("/rw/system")[0]["name"] == "here"

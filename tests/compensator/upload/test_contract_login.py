@@ -178,6 +178,13 @@ def test_a_page_that_opens_and_opens_is_over_soon(piece):
     assert time.process_time() - before < 3
 
 
+def test_text_belongs_to_the_state_it_stands_in():
+    """What stands outside of every state, or in a span of no name, belongs to none."""
+    body = (b'<html><body><span class="a">out</span>between<ul><li class="one" title="t"><span class="a">in &amp; on</span>'
+            b'<span>nameless</span>bare</li>bare<span class="a">out</span><li class="two"></li></ul></body></html>')
+    assert xhtml_states(body) == [{"_type": "one", "_title": "t", "a": "in & on"}, {"_type": "two", "_title": ""}]
+
+
 @pytest.mark.parametrize("asked", ['algorithm=FOO', 'qop="auth-int"'])
 def test_a_digest_that_is_not_known_is_said(asked):
     class Odd(BaseHTTPRequestHandler):

@@ -15,8 +15,10 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from compensator.verification.batch_means import mean_along
-from compensator.verification.comparison import compare, estimate_scale
+from compensator.verification.comparison import Scale, compare, estimate_scale
 from compensator.verification.readings import Readings, nearest, read_readings
+from compensator.verification.verify import _scale_text
+from compensator.verification.verify import verify as verify_files
 from compstiff.cli.main import compstiff
 from identification.common.findings import CompstiffError
 from identification.model.cell import read_cell
@@ -121,6 +123,56 @@ def test_intervals_cover_under_autocorrelated_noise(phi: float) -> None:
     assert 0.915 <= held_ratio / runs <= 0.985
     assert 0.915 <= held_scale / runs <= 0.985
     assert naive / runs < 0.87
+
+
+def test_the_scale_beside_a_constant_is_that_of_the_components_that_were_measured() -> None:
+    """Against least squares with a constant for each axis over what is known of either, and with none."""
+    rng = np.random.default_rng(18)
+    predicted = 1e-5 * rng.normal(3.0, 1.0, (60, 3))
+    measured = 1.2 * predicted + [2e-5, -1e-5, 0.0] + 1e-6 * rng.normal(size=(60, 3))
+    measured[rng.random((60, 3)) < 0.3] = np.nan
+    predicted[rng.random((60, 3)) < 0.1] = np.nan
+    measured[7] = np.nan
+    row, axis = np.nonzero(np.isfinite(measured) & np.isfinite(predicted))
+    m, p = measured[row, axis], predicted[row, axis]
+    found = estimate_scale(measured, predicted)
+    assert found is not None
+    beside, *constants = np.linalg.lstsq(np.column_stack([p, *(axis == k for k in range(3))]), m, rcond=None)[0]
+    assert found.scale == pytest.approx(float(m @ p / (p @ p)), rel=1e-9)
+    assert found.with_constant == pytest.approx(beside, rel=1e-9)
+    assert found.constant_um == pytest.approx(1e6 * np.array(constants), rel=1e-6)
+    assert found.points == len(set(row))
+
+
+@pytest.mark.parametrize(("interval", "inside"), [((0.9, 1.1), True), ((1.0, 1.2), True), ((0.8, 1.0), True),
+                                                  ((1.01, 1.2), False), ((0.8, 0.99), False)])
+def test_a_scale_is_advised_where_one_lies_outside(interval: tuple[float, float], inside: bool) -> None:
+    """And where it lies inside that is said, and no scale advised."""
+    scale = Scale(100, float(np.mean(interval)), interval, 0.9, 0.95, 100.0, 20.0, None, None, (0.0,) * 3, False, 16, False)
+    text = _scale_text(scale)
+    assert ("1 lies inside: no scale is needed" in text) == inside
+    assert ("Advice: correct" in text) != inside
+    assert "No scale is advised" not in text
+    assert "No scale is advised" in _scale_text(replace(scale, interval=None))
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_part_that_is_off_as_before_is_said_beside_what_else_is_said(tmp_path: Path, alone: bool) -> None:
+    """Measured twice with a micrometre of noise, the second time at a place less; the very same readings are said to be that.
+    """
+    rng, cell = np.random.default_rng(19), read_cell(write_cell(tmp_path))
+    before = rng.normal(0, 40, (40, 3))
+
+    def file(name: str, values: np.ndarray) -> Path:
+        count = len(values)
+        return csv(tmp_path, name, SIGMAS, np.column_stack([np.arange(count), values, np.ones((count, 3))]))
+
+    first, second = file("before.csv", before), before + rng.normal(0, 1, before.shape)
+    again = file("again.csv", second if alone else second[:-1])
+    said = [finding.code for finding in verify_files(cell, first, again).findings]
+    assert ("CS6022" in said, "CS6048" in said, "CS6034" in said) == (not alone, True, False)
+    said = [finding.code for finding in verify_files(cell, first, file("same.csv", before)).findings]
+    assert ("CS6034" in said, "CS6048" in said) == (True, False)
 
 
 def test_the_interval_is_student_s_with_one_less_than_the_blocks() -> None:

@@ -38,6 +38,7 @@ HEAD = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/30,20,5\n"         # three lines
     ("METRIC", "CS2105", 4, 1, "may be the unit of length"),
     ("PPUNIT/3", "CS2105", 4, 1, "may be the unit of length"),
     ("SYSTEM/INCH", "CS2105", 4, 1, "found SYSTEM/INCH"),
+    ("SYSTEM/MM,INCH", "CS2105", 4, 1, "found SYSTEM/MM,INCH"),
     ("CALSUB/5", "CS2102", 4, 1, "CALSUB"),
     ("TLCOMP/ON,LEFT", "CS2102", 4, 1, "TLCOMP"),
     ("CYCLE83/10,0,2,-50", "CS2102", 4, 1, "CYCLE83"),
@@ -113,3 +114,13 @@ def test_words_that_change_nothing_are_taken(tmp_path, harmless):
     file = tmp_path / "part.apt"
     file.write_text(f"{HEAD}{harmless}\nGOTO/1,2,3\n")
     assert len(read_apt(file)) == 2
+
+
+@pytest.mark.parametrize("word", ["MAGAZN/5,MM", "MAGAZN/IN,OUT", "MAGAZN"])
+def test_a_unit_among_other_arguments_says_no_unit_of_the_file(tmp_path, word):
+    """Passed over, as every word that nobody knows is, and said."""
+    file = tmp_path / "part.apt"
+    file.write_text(f"{HEAD}{word}\nGOTO/1,2,3\n")
+    read = read_apt(file)
+    assert len(read) == 2
+    assert any("MAGAZN" in finding.message for finding in read.findings)

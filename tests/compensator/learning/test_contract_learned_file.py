@@ -1,0 +1,110 @@
+"""learned.json holds what was learned: written and read back it is the same, its numbers in the units of their names."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.learned.learned import DRIFT, SETUP, JobFrame, Learned
+from compensator.learned.learned_file import learned_json, read_learned
+from compensator.learned.remainder import Remainder
+from identification.common.findings import CompstiffError
+from identification.model.cell import read_cell
+from identification.model.rotations import Frame
+from tests.support import write_cell
+
+PLACES, SPRINGS = 3, 6
+
+
+def learned() -> Learned:
+    """Of six springs and three places; every number another one."""
+    rng = np.random.default_rng(61)
+    count = SPRINGS + SETUP + DRIFT + 3 * PLACES
+    root, untold = rng.standard_normal((count, count)), rng.standard_normal((SETUP + DRIFT, SETUP + DRIFT))
+    base_from_object = Frame.from_quaternion(np.array([1.2, -0.3, 0.6]), np.array([0.8, 0.0, 0.6, 0.0]))
+    frame = JobFrame(base_from_object, np.array([1.3, 0.1, 0.7]), 0.083, 412.0)
+    remainder = Remainder(np.round(rng.standard_normal((PLACES, 3)), 6), rng.standard_normal((PLACES, 6)), 0.14, 23e-6)
+    return Learned(rng.standard_normal(SPRINGS), rng.standard_normal(count), root @ root.T, frame, remainder, (),
+                   {"motion": 1.2}, None, 1e-10 * untold @ untold.T)
+
+
+def test_what_is_written_is_read_back(tmp_path: Path) -> None:
+    cell, given = read_cell(write_cell(tmp_path)), learned()
+    file = tmp_path / "learned.json"
+    file.write_text(json.dumps(learned_json(given, cell)))
+    back = read_learned(file, cell)
+    for one, other in ((back.prior, given.prior), (back.mean, given.mean), (back.covariance, given.covariance),
+                       (back.unshown, given.unshown), (back.frame.centre, given.frame.centre),
+                       (back.frame.base_from_object.position, given.frame.base_from_object.position),
+                       (back.frame.base_from_object.quaternion, given.frame.base_from_object.quaternion),
+                       (back.remainder.places, given.remainder.places)):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * np.abs(other).max())
+    np.testing.assert_allclose(back.remainder.posture, given.remainder.posture, atol=1e-8)
+    assert (back.frame.radius, back.frame.duration) == pytest.approx((0.083, 412.0), rel=1e-12)
+    assert (back.remainder.length, back.remainder.amplitude) == pytest.approx((0.14, 23e-6), rel=1e-12)
+    assert (back.effects, back.told, back.source) == ((), {"motion": 1.2}, file)
+
+
+def test_its_numbers_are_in_the_units_of_their_names(tmp_path: Path) -> None:
+    written, given = learned_json(learned(), read_cell(write_cell(tmp_path))), learned()
+    assert written["job"]["position_mm"] == pytest.approx([1200.0, -300.0, 600.0])
+    assert written["job"]["centre_mm"] == pytest.approx([1300.0, 100.0, 700.0])
+    assert (written["job"]["radius_mm"], written["job"]["duration_s"]) == pytest.approx((83.0, 412.0))
+    assert (written["remainder"]["length_mm"], written["remainder"]["amplitude_um"]) == pytest.approx((140.0, 23.0))
+    np.testing.assert_allclose(written["remainder"]["places_mm"], 1000 * given.remainder.places, atol=1e-4)
+    np.testing.assert_allclose(written["remainder"]["posture_deg"], given.remainder.posture * 180 / np.pi, atol=1e-6)
+
+
+@pytest.mark.parametrize(("off", "kept"), [(0.0, True), (0.5e-6, True), (1e-3, False)])
+def test_a_covariance_that_is_none_is_refused(tmp_path: Path, off: float, kept: bool) -> None:
+    """Beyond rounding: two parameters that go together by more than wholly."""
+    cell, given = read_cell(write_cell(tmp_path)), learned()
+    content = learned_json(given, cell)
+    variance = np.diag(given.covariance)
+    content["covariance"] = [[0.0] * k + [variance[k]] for k in range(len(variance))]
+    content["covariance"][1][0] = (1 + off) * float(np.sqrt(variance[0] * variance[1]))
+    file = tmp_path / "learned.json"
+    file.write_text(json.dumps(content))
+    if kept:
+        assert read_learned(file, cell).covariance[0, 1] == content["covariance"][1][0]
+        return
+    with pytest.raises(CompstiffError, match="semidefinite") as stopped:
+        read_learned(file, cell)
+    assert stopped.value.findings[0].code == "CS5320"
+
+
+@pytest.mark.parametrize(("changed", "own", "code"), [
+    ({}, "", ""), ({"version": 2}, "", "CS5320"), ({"format": "compstiff-stiffness"}, "", "CS5320"),
+    ({"version": 2, "format": "x"}, "", "CS5320"), ({"springs": 5}, "", "CS5320"), ({"springs": 7}, "", "CS5320"),
+    ({"mean": [0.0] * 20}, "", "CS5320"), ({"prior": [0.0] * 5}, "", "CS5320"), ({"covariance": [[1.0]]}, "", "CS5320"),
+    ({"robot": "another"}, "", "CS5321"), ({"robot_sha256": "0"}, "", ""), ({"geometry_sha256": "0"}, "", ""),
+    ({"robot_sha256": "0", "geometry_sha256": "0"}, "", "CS5321"),
+    ({"serial_number": "A1"}, "A1", ""), ({"serial_number": "A1"}, "", ""), ({}, "A1", ""),
+    ({"serial_number": "A1"}, "A2", "CS5321")])
+def test_what_was_learned_elsewhere_or_is_not_whole_is_refused(
+        tmp_path: Path, changed: dict[str, object], own: str, code: str) -> None:
+    """A robot is the same by its file or by its geometry, and another one by its serial number where both are known."""
+    cell = read_cell(write_cell(tmp_path))
+    content = learned_json(learned(), cell) | changed
+    file = tmp_path / "learned.json"
+    file.write_text(json.dumps(content))
+    cell = replace(cell, robot=replace(cell.robot, serial_number=own or None))
+    if not code:
+        assert read_learned(file, cell).springs == SPRINGS
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read_learned(file, cell)
+    assert stopped.value.findings[0].code == code
+
+
+@pytest.mark.parametrize("text", ["[1, 2]", "no json", "[" * 100_000])
+def test_what_is_no_learned_file_is_refused(tmp_path: Path, text: str) -> None:
+    cell, file = read_cell(write_cell(tmp_path)), tmp_path / "learned.json"
+    file.write_text(text)
+    with pytest.raises(CompstiffError) as stopped:
+        read_learned(file, cell)
+    assert stopped.value.findings[0].code == "CS5320"
