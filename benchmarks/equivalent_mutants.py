@@ -202,4 +202,10 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
      "a split that is left too early is come back to while it decides: the same bounds, to six digits, of 16 plans"),
     ("identification/motion/transmission.py", "SIZES, FINER = np.geomspace(5e-5, 2e-3, 9), np.geomspace(5e-7, 2e-4, 9)",
      "2e-3 -> (2e-3 * 2)", "steps of 1.73 in place of 1.58 between the sizes that are tried: the size is told to a step"),
+    ("identification/motion/crosstalk.py",
+     "return bool(np.all(np.abs(size) > AGAIN * np.sqrt(variance)) and np.all(np.sign(size) == np.sign(size[0]))", "> -> >=",
+     "a bound on a real number, met exactly by none: a torque that is nothing in all parts has no evidence before"),
+    ("identification/motion/inner_friction.py",
+     "return bool(-amplitude > compliance * np.nanmax(inside[best].fixed) > 0)", "> -> >=",
+     "bounds on real numbers, met exactly by none"),
 )
