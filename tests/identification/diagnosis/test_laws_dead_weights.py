@@ -168,8 +168,8 @@ def test_one_gross_reading_is_no_swing() -> None:
 
 @pytest.mark.parametrize(("kept", "tells"), [("three rows", 1), ("two rows", 0), ("no load", 0)])
 def test_a_visit_that_cannot_tell_leaves_all_others_in(kept: str, tells: int) -> None:
-    """Of the first visit some readings are left, or the unloaded ones alone. An offset and what goes with the load take two rows
-    of it, or what there is without a load."""
+    """Of the first visit some readings are left, or the unloaded ones alone. An offset and what goes with the load take two
+    rows of it, or what there is without a load."""
     cell, rows = read(simulate(44, "hung12"))
     data, compliance = LoadTest.of(cell, rows), 1 / cell.prior.stiffness
     wrench = rows.wrench.copy()
