@@ -27,12 +27,14 @@ def read_metallicadour(file: str | Path, *, rate_hz: float = RATE_HZ) -> ForceSa
     try:
         with open(file, encoding="utf-8-sig") as stream:
             first = next((line for line in stream if line.strip()), "")
+            # Also where the first row is of whole numbers alone.
+            decimal = "," if ";" in first and ("," in first or any("," in line for line in stream)) else "."
     except (OSError, UnicodeDecodeError) as reason:
         raise error("CS0005", f"cannot be read: {reason}", file=str(file)) from reason
     separator = ";" if ";" in first else "," if "," in first else r"\s+"
     try:
-        frame = pd.read_csv(file, sep=separator, header=None, decimal="," if separator == ";" and "," in first else ".",
-                            skip_blank_lines=True, skipinitialspace=True, low_memory=False)
+        frame = pd.read_csv(file, sep=separator, header=None, decimal=decimal, skip_blank_lines=True,
+                            skipinitialspace=True, low_memory=False)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as reason:
         raise error("CS0201", f"is not a table: {reason}", file=str(file)) from reason
     if frame.shape[1] == CHANNELS + 1 and frame.iloc[:, -1].isna().all():

@@ -27,7 +27,7 @@ HINT = ("a controller that takes the link encoder's word is off by as much at th
 
 @dataclass(frozen=True, eq=False)
 class JointLogDiagnosis:
-    """What was found at each joint of the logs. p_resolution: of the p-values."""
+    """What was found at each joint of the logs. p_resolution: the smallest that the p-value can be."""
 
     cell: Cell
     logs: tuple[MotionLog, ...]
@@ -137,5 +137,6 @@ def diagnose_joint_logs(
     'named'
     """
     check_distinct([*logs, *([held_out] if held_out else [])])
-    return JointLogDiagnosis(cell, tuple(logs), diagnose_axes(list(logs), held_out, alarm=alarm, replicates=replicates),
-                             1 / (replicates + 1))
+    axes = diagnose_axes(list(logs), held_out, alarm=alarm, replicates=replicates)
+    return JointLogDiagnosis(cell, tuple(logs), axes,
+                             min(1 / (replicates + 1), *(axis.transmission.p_resolution for axis in axes)))

@@ -16,7 +16,18 @@ from identification.motion.axis import Axis, axis_of, solve, straight_line
 from identification.motion.band import BAND
 from identification.motion.blocks import ratio_interval
 from identification.motion.dictionary import ALWAYS, Shape
-from identification.motion.lines import LEAST_SPAN, Complex, Line, fitted, found_again, lines_at, search, session, shared
+from identification.motion.lines import (
+    BY_CHANCE,
+    LEAST_SPAN,
+    Complex,
+    Line,
+    fitted,
+    found_again,
+    lines_at,
+    search,
+    session,
+    shared,
+)
 from identification.motion.log_file import MotionLog
 from identification.motion.smooth import Smooth, log_evidence, smooth_over
 
@@ -96,6 +107,11 @@ class Transmission:
     def p_value(self) -> float:
         """Of the search of the strongest line that was found again; 1 where there is none."""
         return min((line.p_value for line in self.confirmed), default=1.0)
+
+    @property
+    def p_resolution(self) -> float:
+        """The smallest that this p-value can be."""
+        return 1 / (BY_CHANCE + 1) if self.confirmed else 1.0
 
     @property
     def cycles(self) -> Array:

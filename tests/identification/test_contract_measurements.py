@@ -206,6 +206,32 @@ def test_coarse_gauges_read_alike_up_and_down_and_a_copy_is_still_found(tmp_path
     assert "CS0012" in codes([*fine, *[row for row in fine[1:6] for _ in range(2)]])
 
 
+@pytest.mark.parametrize("code", ["CS0012", "CS1025"])
+@pytest.mark.parametrize(("loaded", "alike", "told"), [(20, 2, False), (20, 3, True), (30, 3, True), (31, 3, False)])
+def test_three_rows_that_cannot_be_and_a_tenth_of_all_are_told(
+    tmp_path: Path, code: str, loaded: int, alike: int, told: bool,
+) -> None:
+    """Copies of the first row, or rows in which nothing moved; rows without a load count for neither."""
+    rng = np.random.default_rng(loaded)
+    rows = [",".join(f"{value:.3f}" for value in (*rng.uniform(10, 40, 6), 0, 100, 0, *rng.normal(0, 50, 3)))
+            for _ in range(loaded - alike)]
+    bad = rows[:1] * alike if code == "CS0012" else [row.rsplit(",", 3)[0] + ",0,0,0" for row in rows[:alike]]
+    unloaded = [row.replace(",100.000,", ",0,") for row in rows]
+    findings = read(tmp_path, HEADER, *rows, *bad, *unloaded).findings
+    assert (code in {finding.code for finding in findings}) == told
+
+
+@pytest.mark.parametrize("count", [1, 6, 7])
+def test_up_to_six_weights_are_named_each_once(tmp_path: Path, count: int) -> None:
+    """More masses are the same ones, each weighed with its hook."""
+    path, masses = tmp_path / "measurements.csv", [10 * k for k in range(1, count + 1)]
+    rows = [HUNG_ROW.replace(",25,", f",{mass},") for mass in (0, *masses, *masses[::-1], 0)]
+    path.write_text("\n".join([HUNG, *rows]) + "\n")
+    read_in = read_measurements(path, read_cell(write_cell(tmp_path)))
+    assert read_in.weights == (("--dead-weight", ",".join(map(str, masses))) if count <= 6 else ())
+    assert read_in.select(~read_in.wrench.any(axis=1)).weights == ()
+
+
 @pytest.mark.parametrize("text", ["{}\n", "{}", "# a note\n{}\n\n# nothing yet\n", "{}\r\n"])
 def test_a_header_alone_is_an_empty_sheet(tmp_path, text):
     names = [*(f"q{i}_deg" for i in range(1, 7)), "fx_n", "fy_n", "fz_n", "dx_um", "dy_um", "dz_um"]

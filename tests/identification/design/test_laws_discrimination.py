@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from identification.common.findings import CompstiffError
+from identification.design import discrimination as design_discrimination
 from identification.design.criteria import d_criterion
 from identification.design.discrimination import discriminating_runs, read_diagnosis, rival_models
 from identification.design.domain import Domain, random_pool
@@ -20,7 +21,7 @@ from identification.design.request import measured_place
 from identification.design.task import Task, free_demand
 from identification.diagnosis import discrimination as between_rivals
 from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.discrimination import candidate_rows, discriminating, separation
+from identification.diagnosis.discrimination import Separation, candidate_rows, discriminating, separation
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.kinematics import forward
@@ -181,6 +182,28 @@ def test_chosen_together_they_beat_any_pair_drawn(hard):
     best = float(found.mistaken(found.of(np.array(discriminating(found, 2, np.arange(20))))))
     every = [float(found.mistaken(found.of(np.array(pair)))) for pair in combinations(range(20), 2)]
     assert best <= np.quantile(every, 0.02)
+
+
+@pytest.mark.parametrize(("likelier", "asked", "runs", "before", "after"), [
+    (0.9, 5, 3, 0.1, 0.3 * np.exp(-3)), (0.9, 2, 2, 0.1, 0.3 * np.exp(-2)), (0.9, 1, 1, 0.1, 0.1),
+    (0.99, 3, 1, 0.01, 0.01), (0.5, 4, 4, 0.5, 0.5 * np.exp(-4))])
+def test_no_more_runs_are_taken_than_decide_and_the_likeliest_is_wrong_at_most_as_often_as_it_is_not_true(
+    monkeypatch: pytest.MonkeyPatch, domain, pool, prior, likelier: float, asked: int, runs: int, before: float, after: float,
+) -> None:
+    """Two rivals that each run takes sqrt(8) sigmas apart: after k runs sqrt(p q) exp(-k) bounds the wrong names, and so does
+    what the likelier one leaves. Of more runs than bring it under 2 % the others are not taken, one always is."""
+    def alike(rows, rivals):
+        grams = np.zeros((int(rows.visit.max()) + 1, 2, 2))
+        grams[:, -1, -1] = 8.0
+        return Separation(("one", "other"), np.array([likelier, 1 - likelier]), ((0, 1),), (grams,), (np.eye(1),))
+
+    monkeypatch.setattr(design_discrimination, "separation", alike)
+    task = Task(domain, d_criterion(), prior, free_demand(3, asked))
+    chosen, told = discriminating_runs(task, {}, pool, np.random.default_rng(0))
+    assert len(chosen) == told.runs == runs
+    assert (told.before, told.after) == pytest.approx((before, after))
+    assert told.pairs == (("one", "other", pytest.approx(np.sqrt(8 * runs))),)
+    assert len(np.unique(chosen.theta, axis=0)) == runs
 
 
 def test_planned_runs_settle_what_is_open(tmp_path):

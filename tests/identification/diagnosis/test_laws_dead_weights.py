@@ -4,6 +4,7 @@ the truth."""
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +17,7 @@ import pytest
 from identification.diagnosis.detect import goodness_of_fit
 from identification.diagnosis.diagnose import Diagnosis, diagnose
 from identification.diagnosis.procedure import Procedure
-from identification.diagnosis.swing import _visit, _Visits, swing_of
+from identification.diagnosis.swing import _groups, _visit, _Visits, swing_of
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import Measurements, read_measurements
@@ -163,6 +164,31 @@ def test_one_gross_reading_is_no_swing() -> None:
     assert swing_of(fitted) is None
     rows.deflection[row] += 40.0 * across
     assert swing_of(posterior(LoadTest.of(cell, rows))) is None
+
+
+@pytest.mark.parametrize(("kept", "tells"), [("three rows", 1), ("two rows", 0), ("no load", 0)])
+def test_a_visit_that_cannot_tell_leaves_all_others_in(kept: str, tells: int) -> None:
+    """Of the first visit some readings are left, or the unloaded ones alone. An offset and what goes with the load take two
+    rows of it, or what there is without a load."""
+    cell, rows = read(simulate(44, "hung12"))
+    data, compliance = LoadTest.of(cell, rows), 1 / cell.prior.stiffness
+    wrench = rows.wrench.copy()
+    wrench[np.flatnonzero(rows.visit == 0)[-2:]] = 0.0
+    data = data.with_rows(replace(rows, wrench=wrench))
+    state, residual = data.load_state(compliance), np.random.default_rng(1).normal(0, 1e-6, (len(rows), 3))
+    mine, loaded = np.flatnonzero(rows.visit == 0), wrench.any(axis=1)
+    assert (~loaded[mine]).sum() >= 3
+
+    def told(residual: np.ndarray) -> list[np.ndarray]:
+        fitted: Any = SimpleNamespace(data=data, load_state=state, residual=residual, compliance=compliance)
+        return [values for group in _groups(fitted) for values in group.values]
+
+    every = told(residual)
+    residual[mine[loaded[mine]] if kept == "no load" else mine[{"two": 2, "three": 3}[kept.split()[0]]:]] = np.nan
+    some = told(residual)
+    assert len(every) == int(rows.visit.max()) + 1
+    np.testing.assert_array_equal(some[tells:], every[1:])
+    assert [len(values) for values in some[:tells]] == [3] * tells
 
 
 def test_the_likelihood_of_a_visit_is_that_of_the_whole_covariance() -> None:

@@ -25,6 +25,7 @@ from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.judge import Mistakes, common_factor_findings, mistakes_in
 from identification.fit.mistakes.look import Guess, Look, _two_robots, of_alike
 from identification.fit.mistakes.mistake import Mistake
+from identification.fit.mistakes.odd_rows import where
 from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
 from identification.fit.mistakes.search import search
@@ -83,6 +84,18 @@ def test_a_zero_of_axis_6_is_told_with_the_turned_tool_that_leaves_the_same_rows
         given = 1e3 * data.cell.flange_from_tcp.position
         assert_allclose(tcp(np.array(words.split(","), float), 0.0), tcp(given, turn), atol=0.1)
     assert not any("tool" in settles for key, settles in told.items() if "[6" not in key)
+
+
+@pytest.mark.parametrize(("rows", "words"), [
+    ([5], "1 of 20 rows with a load (line 12)"),
+    ([0, 1, 2, 8], "4 of 20 rows with a load (lines 2 to 6, 18)"),
+    ([0, 2, 4, 6, 7, 9], "6 of 20 rows with a load (lines 2, 6, 10, 14 to 16 and 1 more place)"),
+    ([0, 2, 4, 6, 8, 10], "6 of 20 rows with a load (lines 2, 6, 10, 14 and 2 more places)")])
+def test_rows_are_named_by_the_lines_from_first_to_last(rows: list[int], words: str) -> None:
+    """Every other line of the file has a load: lines 2, 4, 6 to 40."""
+    found = np.isin(np.arange(20), rows)
+    table: Any = SimpleNamespace(rows=SimpleNamespace(line=2 + 2 * np.arange(20)))
+    assert where(table, found) == words
 
 
 def test_a_part_of_the_rows_is_mended_alone(data: LoadTest) -> None:

@@ -32,6 +32,17 @@ def test_metallicadour_separators(tmp_path: Path, separator: str) -> None:
     assert log.conditions == {"depth_mm": 5, "feed_mm_min": 648, "spindle_rpm": 9000}
 
 
+@pytest.mark.parametrize(("separator", "decimal"), [(";", ","), (";", "."), (",", "."), (" ", "."), ("\t", ".")])
+def test_metallicadour_that_begins_with_whole_numbers(tmp_path: Path, separator: str, decimal: str) -> None:
+    """A sensor at rest says 0, and no sign of how the rows behind it are spelled; a comma is a decimal one beside `;` alone."""
+    values = np.round(VALUES, 1)
+    values[0] = np.arange(12) - 3
+    (tmp_path / "a.csv").write_text("\n".join(separator.join(f"{x:g}" for x in row) for row in values).replace(".", decimal))
+    log = read_metallicadour(tmp_path / "a.csv")
+    assert log.force == pytest.approx(values[:, 3:6], abs=1e-12)
+    assert log.moment == pytest.approx(values[:, 6:9], abs=1e-12)
+
+
 def test_metallicadour_complaints(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("1;2;3\n4;5;6\n")

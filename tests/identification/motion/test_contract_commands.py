@@ -62,6 +62,7 @@ def test_diagnose(tmp_path: Path, cell: Path) -> None:
     content = json.loads((tmp_path / "d.json").read_text())
     assert content == document["result"]
     assert content["verdict"] == "named"
+    assert content["misfit"]["p_value"] == content["misfit"]["p_resolution"] == 1 / 50      # 49 replicates, none as large
     assert [(cause["effect"], cause["joint"]) for cause in content["causes"]] == [("hysteresis", 2)]
     assert content["gain"]["rms_after_urad"] < content["gain"]["rms_before_urad"]
     assert content["gain"]["held_out"].startswith("validate")

@@ -191,6 +191,26 @@ def test_squares_of_a_step_are_those_of_least_squares() -> None:
         assert gains[first] == pytest.approx(left[0] - left[1], rel=1e-9)
 
 
+@pytest.mark.parametrize(("share", "told"), [(2e-2, True), (1.5e-3, True), (7e-4, False)])
+def test_a_step_is_told_by_what_of_it_nothing_else_explains(share: float, told: bool) -> None:
+    """A thousandth of its size at least; what it takes off the squares is then still that of least squares."""
+    rng = np.random.default_rng(4)
+    count, first, noise = 60, 20, Autoregression(np.zeros(0))
+    column, deflection = rng.standard_normal(count), rng.standard_normal(count)
+    column[-3:] = 0.0
+    step = column * (np.arange(count) >= first)
+    aside = rng.standard_normal(count)
+    aside -= step * (aside @ step) / (step @ step)
+    angle = np.arcsin(share)
+    known = np.cos(angle) * step / np.linalg.norm(step) + np.sin(angle) * aside / np.linalg.norm(aside)
+    left = deflection - known * (known @ deflection)
+    both = np.column_stack([known, step])
+    fitted = left @ left - np.sum((deflection - both @ np.linalg.lstsq(both, deflection, rcond=None)[0]) ** 2)
+    gains = step_gains(noise, known[:, None], left, column)
+    assert gains[first] == pytest.approx(fitted if told else 0.0, rel=1e-6)
+    assert np.all(gains[-3:] == 0.0), "of a column that is nothing there"
+
+
 @pytest.mark.parametrize("rate", [1000.0, 250.0, 40.0])
 def test_the_band_lets_through_half_at_its_edge(rate: float) -> None:
     """A wave well below 6 Hz passes as it is, in step; at 6 Hz half of it, at twice that nothing."""

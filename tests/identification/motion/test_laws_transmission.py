@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from identification.motion import diagnosis
 from identification.motion.axis import axis_of, solve
 from identification.motion.axis_diagnosis import AxisDiagnosis
+from identification.motion.lines import Line
 from identification.motion.log_file import MotionLog, read_motion_log
 from identification.motion.procedure import diagnose_axes
 from identification.motion.search import Hypothesis
@@ -49,6 +53,18 @@ def test_a_hidden_line_is_found_at_its_frequency(tmp_path: Path, cycles: float, 
     assert line.std < 1.0
     assert line.phase_holds == (again == 0.0)
     assert np.abs(found.amplitudes([fitted])) == pytest.approx([2e-5], rel=0.15)
+
+
+@pytest.mark.parametrize(("again", "replicates", "smallest"), [(0.002, 49, 0.002), (0.5, 49, 0.02), (0.002, 999, 0.001)])
+def test_no_p_value_is_smaller_than_what_is_said_to_be_the_smallest(
+    monkeypatch: pytest.MonkeyPatch, again: float, replicates: int, smallest: float,
+) -> None:
+    """A line that is found again is held against 499 searches of noise, what else is wrong against the replicates."""
+    strong, weak = (Line(400.0, 0.1, p_value, again, (30.0, 30.0)) for p_value in (0.002, 0.004))
+    joints = tuple(SimpleNamespace(transmission=Transmission(k, lines)) for k, lines in ((1, ()), (2, (strong, weak))))
+    monkeypatch.setattr(diagnosis, "diagnose_axes", lambda logs, held_out, **others: joints)
+    cell: Any = None
+    assert diagnosis.diagnose_joint_logs(cell, [], replicates=replicates).p_resolution == pytest.approx(smallest)
 
 
 def test_a_ring_off_its_axis_is_a_smooth_part(tmp_path: Path) -> None:
