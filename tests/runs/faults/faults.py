@@ -184,11 +184,12 @@ def not_completed(command: Command, place: Place) -> list[str]:
 
 
 class Steps:
-    """Calls of the system that write, in this process: `at` is called before each, with its number and name."""
+    """Calls of the system that write, in this process: `at` is called before each, with its number and name, and the name of
+    the file that is opened, "" for other calls."""
 
     NAMES = ("open", "write", "fsync", "chmod", "replace", "link", "unlink")
 
-    def __init__(self, at: Callable[[int, str], None]) -> None:
+    def __init__(self, at: Callable[[int, str, str], None]) -> None:
         self.count, self.at = 0, at
 
     def __call__(self) -> None:
@@ -199,7 +200,7 @@ class Steps:
         def step(*arguments: object, **named: object) -> object:
             if name != "open" or (len(arguments) > 1 and int(str(arguments[1])) & os.O_CREAT):
                 self.count += 1
-                self.at(self.count, name)
+                self.at(self.count, name, Path(str(arguments[0])).name if name == "open" else "")
             return real(*arguments, **named)
         return step
 
@@ -209,7 +210,7 @@ def steps_of(command: Command, place: Place, *more: str) -> int:
     file = place.folder / "steps"
     file.write_text("0")
     with file.open("w") as stream:
-        def note(number: int, name: str) -> None:
+        def note(number: int, name: str, file: str) -> None:
             stream.seek(0)
             stream.write(str(number))
             stream.flush()
@@ -228,7 +229,7 @@ def killed_at_steps(command: Command, folder: Path, most: int = 1000) -> list[st
         for number in every:
             place, before = _with_old(command, folder, old)
 
-            def kill(at: int, name: str, number: int = number) -> None:
+            def kill(at: int, name: str, file: str, number: int = number) -> None:
                 if at == number:
                     os.kill(os.getpid(), signal.SIGKILL)
 
@@ -323,7 +324,7 @@ def read_only(command: Command, folder: Path) -> list[str]:
             path.chmod(path.stat().st_mode | 0o055)
     place.outputs.chmod(0o555)
 
-    def drop(number: int, name: str) -> None:
+    def drop(number: int, name: str, file: str) -> None:
         if os.geteuid() == 0:
             os.setgroups([])
             os.setegid(NOBODY)
@@ -342,7 +343,7 @@ def folder_vanishes(command: Command, folder: Path) -> list[str]:
     for step in ("open", "replace"):
         place = Place.make(folder)
 
-        def vanish(number: int, name: str, step: str = step, place: Place = place) -> None:
+        def vanish(number: int, name: str, file: str, step: str = step, place: Place = place) -> None:
             if name == step and place.outputs.is_dir():
                 shutil.rmtree(place.outputs)
 
@@ -364,10 +365,11 @@ def input_replaced(command: Command, folder: Path) -> list[str]:
         if file.is_dir():
             continue
 
-        def exchange(number: int, step: str, file: Path = file) -> None:
-            if number == 1:
+        def exchange(number: int, step: str, opened: str, file: Path = file, kept: bytes = file.read_bytes()) -> None:
+            # A journal is begun before anything is read.
+            if opened and opened not in GROWING and file.read_bytes() == kept:
                 other = file.with_name("other")
-                other.write_bytes(file.read_bytes() + b"\n")
+                other.write_bytes(kept + b"\n")
                 other.rename(file)
 
         ended = run(command, place, arrange=Steps(exchange))
@@ -403,7 +405,7 @@ def two_at_once(command: Command, folder: Path, most: int = 3) -> list[str]:
     """Two calls with other inputs onto the same outputs, their renames slowed down: the files of one call, never of both."""
     said: list[str] = []
 
-    def slow(number: int, name: str) -> None:
+    def slow(number: int, name: str, file: str) -> None:
         if name == "replace":
             time.sleep(0.03)
 
