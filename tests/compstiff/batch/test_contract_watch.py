@@ -214,6 +214,17 @@ def test_a_failure_waits_for_another_content(place: Shop) -> None:
     assert a.exists()
 
 
+def test_a_link_to_nothing_is_not_written_over(place: Shop) -> None:
+    """Somebody put it there: it is as little this watch's as a file would be."""
+    out = place.source.parent / "linked"
+    out.mkdir()
+    (out / "a.mod").symlink_to(out / "elsewhere.mod")
+    place.put("a")
+    assert once(place, out).exit_code == 1
+    assert (out / "a.mod").is_symlink()
+    assert not (out / "elsewhere.mod").exists()
+
+
 def test_a_program_waits_for_its_log_and_is_said_once(place: Shop) -> None:
     watched = Watched(place)
     place.put("a", log=False)

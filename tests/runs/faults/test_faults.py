@@ -24,7 +24,7 @@ from tests.runs.faults.jobs import COMMANDS
 TRIED = [
     *((fault, "correct") for fault in FAULTS if not fault.startswith("killed")),
     ("file size limit", "push"), ("read-only folder", "convert"), ("folder vanishes", "watch"),
-    ("input replaced", "correct many"), ("clock set back", "watch"), ("links", "tare"),
+    ("input replaced", "correct many"), ("input replaced", "watch"), ("clock set back", "watch"), ("links", "tare"),
     ("killed at random", "watch"),
 ]
 
