@@ -13,7 +13,7 @@ from compensator.forces.log import ForceLog
 from compensator.forces.payload import TURN, Payload, estimate_payload, interval_factor, turns
 from compensator.forces.still_doubts import said_of_centre, said_of_pull
 from identification.common.arrays import Array, read_only
-from identification.common.findings import Finding, counted, error, verb
+from identification.common.findings import Finding, counted, error, one_line, verb
 from identification.common.quantities import two_sigma
 from identification.model.cell import FARTHEST_CENTRE, Cell, ForceLogFrame
 from identification.model.gravity import FREE_FALL, fall_in_base
@@ -89,7 +89,7 @@ class Stills:
 
     def yaml(self, source: Path) -> str:
         """The keys for force_log in cell.yaml. source: the log that they come from."""
-        text = [f"# Payload and bias from {source.name}, {self.orientations} still orientations (compstiff tare).",
+        text = [f"# Payload and bias from {one_line(source.name)}, {self.orientations} still orientations (compstiff tare).",
                 "# Copy these keys to force_log in cell.yaml.", "force_log:",
                 f"  bias_n: [{', '.join(f'{x:.4f}' for x in self.bias[:3])}]"]
         payload = f"mass_kg: {self.payload.mass:.4f}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -75,8 +75,8 @@ def post_files(
         check_writable(files, overwrite=overwrite)
     check_distinct(inputs, files)
     result = PostedFiles(posted, files, parts, (*posted.findings, *of_marks, *of_splitting))
-    files[record_file] = json_bytes(_record(cell_file, toolpath_file, result))
-    return result
+    # The record first: killed between two renames, no program is left without it.
+    return replace(result, files={record_file: json_bytes(_record(cell_file, toolpath_file, result)), **files})
 
 
 def _record(cell_file: Path, toolpath_file: Path, result: PostedFiles) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MOMENTS, SIGMAS
 from identification.common.files import sha256
-from identification.common.findings import counted, error
+from identification.common.findings import counted, error, one_line
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.judge import NamedMistake
 from identification.measurements import Measurements
@@ -43,7 +43,7 @@ def mended_file(cell: Cell, measurements: Measurements, mistake: NamedMistake) -
     """The file in which the mistake stands, without it. Raises CompstiffError (CS1705) for a cell file that cannot be changed
     in its text."""
     source = Path(measurements.source if mistake.candidate.mistake.of == "table" else cell.source)
-    about = f"# compstiff diagnose --mend, from {source.name} (SHA-256 {sha256(source)[:16]}): {mistake.sentence}"
+    about = f"# compstiff diagnose --mend, from {one_line(source.name)} (SHA-256 {sha256(source)[:16]}): {mistake.sentence}"
     if mistake.candidate.mistake.of == "cell":
         return MendedFile(".yaml", f"{about}\n{_cell_text(cell, mistake)}".encode(), source)
     table, dropped = _mended_rows(cell, measurements, mistake)

@@ -309,6 +309,8 @@ def test_a_marked_program_is_the_posted_one_with_its_marks(tmp_path, cell, split
     plain = post_files(tmp_path / "cell.yaml", tmp_path / "shell.apt", tmp_path / "p.mod", Settings.of(split=split).posting)
     settings = Settings.of(mark="doMark", split=split)
     marked = post_files(tmp_path / "cell.yaml", tmp_path / "shell.apt", tmp_path / "p.mod", settings.posting)
+    # Killed between two renames, no program is left without its record.
+    assert next(iter(marked.files)) == next(iter(plain.files)) == tmp_path / "p.mod.json"
     text = b"".join(marked.files[tmp_path / file.name] for file in plain.files if file.suffix == ".mod")
     assert re.sub(rb"(Move[LC])DO\b([^;]*),doMark,[01];", rb"\1\2;", text) == b"".join(
         content for file, content in plain.files.items() if file.suffix == ".mod")

@@ -67,3 +67,15 @@ def test_rows_that_lost_their_whole_reading_are_left_out_and_counted(tmp_path: P
 
 def _sample() -> Measurements:
     return read_measurements(SAMPLES / "measurements.csv", read_cell(SAMPLES / "cell.yaml").robot)
+
+
+def test_the_name_of_a_table_breaks_no_comment(tmp_path: Path) -> None:
+    """Whatever a file system allows as a name."""
+    cell, table = read_cell(SAMPLES / "cell.yaml"), tmp_path / "a\nq1_deg,b\udcff.csv"
+    table.write_bytes((SAMPLES / "measurements.csv").read_bytes())
+    rows = read_measurements(table, cell.robot)
+    mistake = SimpleNamespace(of="table", mended=lambda data, where: SimpleNamespace(rows=rows))
+    candidate = SimpleNamespace(mistake=mistake, rows=None, data=LoadTest.of(cell, rows), models=(None,))
+    named = cast(NamedMistake, SimpleNamespace(candidate=candidate, sentence="made up"))
+    (tmp_path / "mended.csv").write_bytes(mended_file(cell, rows, named).content)
+    np.testing.assert_allclose(read_measurements(tmp_path / "mended.csv", cell.robot).theta, rows.theta, atol=1e-9)

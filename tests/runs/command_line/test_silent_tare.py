@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.workshop import TOOL, workshop
@@ -98,3 +99,16 @@ def test_a_tare_that_is_refused_says_that_the_old_keys_stand_there(tmp_path: Pat
     [said] = [one["message"] for one in again.json["findings"] if one["code"] == "CS0014"]
     assert said.startswith("payload.yaml stands there still")
     assert keys.read_text() == "mass_kg: 3\n"
+
+
+@pytest.mark.parametrize("stem", ["a\udcffb", "a\nspeed_hz: 5\nb", "m\u00fcde"])
+def test_the_name_of_a_log_writes_no_keys(tmp_path: Path, stem: str) -> None:
+    """It stands in a comment of the keys, whatever a file system allows as a name."""
+    (tmp_path / "cell.yaml").write_text(workshop(ROBOT).files["cell.yaml"].replace("frame: base", "frame: tool"))
+    rows = [",".join(f"{x:.5f}" for x in row) for row in np.column_stack(stills(0))]
+    for name in ("still", stem):
+        (tmp_path / f"{name}.csv").write_text("\n".join([",".join(NAMES), *rows]) + "\n")
+        done = kit.run("tare", tmp_path / "cell.yaml", tmp_path / f"{name}.csv", "-o", tmp_path / "payload.yaml", "--force")
+        assert done.code == 0, done
+        keys = yaml.safe_load((tmp_path / "payload.yaml").read_text())
+        assert list(keys) == ["force_log"]
