@@ -59,7 +59,7 @@ def compstiff(*arguments: object, cwd: Path | None = None) -> subprocess.Complet
 def compstiff_process(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """The installed command line, in a process of its own."""
     return subprocess.run([sys.executable, "-m", "compstiff", *map(str, arguments)], cwd=cwd, capture_output=True,
-                          text=True, timeout=120)
+                          text=True, timeout=300)
 
 
 @contextlib.contextmanager

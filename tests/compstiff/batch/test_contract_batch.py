@@ -123,7 +123,7 @@ def test_ctrl_c_finishes_what_is_under_way(place: Shop, processes: int) -> None:
         os.killpg(running.pid, signal.SIGINT)
         stdout = running.stdout.read()
         assert running.stderr.read() == ""
-        assert running.wait(timeout=60) == 130
+        assert running.wait(timeout=300) == 130
     reported = [json.loads(line) for line in [first, *stdout.splitlines()]]
     assert {line["status"] for line in reported} == {"ok"}
     assert len(reported) < len(names)
@@ -145,7 +145,7 @@ def test_a_lost_process_does_not_stop_the_others(place: Shop) -> None:
         workers = [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
         os.kill(workers[0], signal.SIGKILL)
         stdout = running.stdout.read()
-        running.wait(timeout=60)
+        running.wait(timeout=300)
     lines = [json.loads(line) for line in [first, *stdout.splitlines()]]
     lost = [line for line in lines if line["status"] == "defect"]
     assert len(lost) <= 2

@@ -284,5 +284,5 @@ def test_it_ends_cleanly_when_asked(place: Shop, number: int, code: int) -> None
         assert running.stdout is not None
         assert json.loads(running.stdout.readline())["status"] == "ok"
         running.send_signal(number)
-        stdout, stderr = running.communicate(timeout=60)
+        stdout, stderr = running.communicate(timeout=300)
     assert (running.returncode, stdout, stderr) == (code, "", "")

@@ -156,7 +156,7 @@ def test_sentences_break_between_words_on_a_terminal(columns: int) -> None:
         with contextlib.suppress(OSError):      # what a terminal says when nobody writes to it any more
             while part := os.read(primary, 4096):
                 shown += part
-        process.wait(timeout=30)
+        process.wait(timeout=300)
     os.close(primary)
     piped = kit.run("explain", "CS1016").out
     lines = shown.decode().splitlines()

@@ -30,7 +30,7 @@ COMPSTIFF = f"{sys.executable} -m compstiff"
 
 def make(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["make", "-C", str(folder), f"COMPSTIFF={COMPSTIFF}", *words], capture_output=True, text=True,
-                          timeout=120)
+                          timeout=300)
 
 
 def measured(plan: Path, sheet: Path, robot: str = ROBOT, k: np.ndarray = kit.K, seed: int = 3) -> None:
@@ -263,7 +263,7 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     finally:
         if "next steps" not in shown:
             process.kill()
-        process.wait(timeout=30)
+        process.wait(timeout=300)
         os.close(primary)
     assert "irb4400-60" in shown, "the question mark lists the robots"
     assert process.returncode == 0

@@ -305,7 +305,7 @@ def test_ctrl_c(tmp_path: Path) -> None:
             time.sleep(0.01)
         assert process.poll() is None, "it was over before it could be interrupted"
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=300)
     assert process.returncode == 130
     assert b"Traceback" not in err
     job.nothing_written()

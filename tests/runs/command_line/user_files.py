@@ -306,7 +306,7 @@ def run(*arguments: object) -> Run:
     return Run(int(code or 0), out.getvalue(), err.getvalue())
 
 
-def spawn(*arguments: object, cwd: Path | None = None, timeout: float = 60) -> Run:
+def spawn(*arguments: object, cwd: Path | None = None, timeout: float = 300) -> Run:
     """The command line, in a process of its own."""
     done = subprocess.run(
         [sys.executable, "-m", "compstiff", *map(str, arguments)], cwd=cwd, capture_output=True, timeout=timeout
