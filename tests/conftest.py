@@ -32,7 +32,7 @@ LONGEST = ("reports/test_contract_browser", "hidden_effects/test_desk_world", "t
            "command_line/test_laws_growth", "tests/test_fourth_world", "tests/test_fifth_world", "tests/test_site")
 
 
-# What took longest when it was last measured (the file says when): without --slow or --long a run leaves it out, so that one
+# What took longest when it was last measured: without --slow or --long a run leaves it out, so that one
 # waits for a dozen minutes and not for twice as long.
 SLOW = frozenset(line for line in Path(__file__).with_name("slow.txt").read_text(encoding="utf-8").splitlines()
                  if line and not line.startswith("#"))
