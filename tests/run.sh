@@ -99,18 +99,21 @@ if [ -n "$whole" ]; then
     mkdir -p "$COMPSTIFF_SCREENSHOTS"
 fi
 
-# Every test process imports all tests, and would compile them anew if none had before: a fourth of a minute each.
-"$environment/bin/python" -m pytest --collect-only -q >/dev/null 2>&1 &
-compiled=$!
+# Types, beside the tests; told after them.
+"$environment/bin/mypy" >"$work/types.txt" 2>&1 &
+types=$!
 
-failed=0
-echo "== types"
-"$environment/bin/mypy" || failed=$?
-wait "$compiled" || true            # what cannot be imported is told by the tests
+# Every test process imports all tests, and would compile them anew if none had before: a fourth of a minute each. What cannot
+# be imported is told by the tests.
+"$environment/bin/python" -m pytest --collect-only -q >/dev/null 2>&1 || true
 
 # Three processes for two cores: some wait, for a reply or a lock.
 echo "== tests"
+failed=0
 "$environment/bin/python" -m pytest -n 3 --dist loadfile --no-loadscope-reorder "$@" || failed=$?
+echo "== types"
+wait "$types" || failed=$?
+cat "$work/types.txt"
 wait "$beside" || { failed=$?; cat "$work/beside.txt"; }
 beside=
 exit "$failed"

@@ -13,7 +13,16 @@ import compstiff
 from compensator.correction.correct import Corrected
 from identification.common.scene import SpaceLine, scene
 from tests.runs.reports.browser import chromium
-from tests.runs.reports.pages import LIKE_ANOTHER, diagnoses, joint_logs, learning, page_with, turned_measurements, verification
+from tests.runs.reports.pages import (
+    LIKE_ANOTHER,
+    SLOW_ONES,
+    diagnoses,
+    joint_logs,
+    learning,
+    page_with,
+    turned_measurements,
+    verification,
+)
 
 
 @pytest.fixture(scope="session")
@@ -31,9 +40,11 @@ def browser(launch: Callable[..., Any]) -> Iterator[Any]:
 
 @pytest.fixture(scope="session")
 def results(pytestconfig: pytest.Config, tmp_path_factory: pytest.TempPathFactory, sample: Corrected) -> dict[str, Any]:
-    """Every kind of result that has a report, `diagnose` with every verdict. Without `--long` not those that only long tests
-    look at."""
+    """Every kind of result that has a report, `diagnose` with every verdict. Without `--long` or `--slow` not those that only
+    such tests look at."""
     where, cell = tmp_path_factory.mktemp("results"), sample.planned.cell
+    long = pytestconfig.getoption("--long")
+    unseen = () if long else LIKE_ANOTHER if pytestconfig.getoption("--slow") else (*LIKE_ANOTHER, *SLOW_ONES)
     turned = compstiff.read_measurements(turned_measurements(where), cell.robot)
     return {
         "correct": sample, "predict": sample.planned, "budget": compstiff.error_budget(sample.planned, 50e-6),
@@ -41,7 +52,7 @@ def results(pytestconfig: pytest.Config, tmp_path_factory: pytest.TempPathFactor
         "verify": verification(where, cell),
         "design": compstiff.design_plan(cell, compstiff.Request(measurements=1, axes="z"), quick=True),
         "learn": learning(where, sample.planned), **joint_logs(where),
-        **diagnoses(where, () if pytestconfig.getoption("--long") else LIKE_ANOTHER)}
+        **diagnoses(where, unseen)}
 
 
 @pytest.fixture(scope="session")

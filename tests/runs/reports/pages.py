@@ -54,14 +54,17 @@ VERDICTS = {"adequate": (66, ()), "named": (40, (Hidden("base_rocking", None, 2.
             "ambiguous": (70, (Hidden("base_rocking", None, 0.6),)), "unknown": (67, (Hidden("hose_pull", None, 4.0),))}
 # Pages of the kind that another page has too are looked at with --long.
 LIKE_ANOTHER = ("predict", "named", "ambiguous")
+# Diagnoses whose pages are looked at with --slow (slow.txt): the one of turned sensors, and nothing found, stay.
+SLOW_ONES = ("unknown", "mistake")
 BENCH = "name: bench\nprior: {stiffness_nm_per_rad: [4e6, 4e6, 4e6, 0.5e6, 0.5e6, 0.3e6], relative_std: 2.0}\n"
 
 
 def diagnoses(folder: Path, without: Sequence[str] = ()) -> dict[str, Diagnosis]:
-    """One with each verdict, by its name, but for those in `without`."""
+    """One with each verdict, and one with a mistake, by its name, but for those in `without`."""
     files = {name: simulate(seed, "poses20", hidden, validation=6) for name, (seed, hidden) in VERDICTS.items()
              if name not in without}
-    files["mistake"] = MISTAKES["deflections cyclic"](right(430004, SHOP), np.random.default_rng([430004, 3]))[0]
+    if "mistake" not in without:
+        files["mistake"] = MISTAKES["deflections cyclic"](right(430004, SHOP), np.random.default_rng([430004, 3]))[0]
     found = {}
     for name, case in files.items():
         (folder / name).mkdir()
