@@ -1,6 +1,7 @@
 """What every command promises: exit codes, one JSON document, no traceback, nothing half written."""
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -216,3 +217,14 @@ def test_a_depth_is_one_of_a_cut(option: str, least: float, most: float) -> None
     for number in (0.99 * least, 1.01 * most):
         with pytest.raises(click.BadParameter):
             given.type.convert(str(number), given, None)
+
+
+def test_a_file_that_may_not_be_read_is_a_wrong_call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Told before anything is done, whoever asks: a test that runs as root may read all."""
+    file = tmp_path / "rows.csv"
+    file.write_text("a,b\n")
+    may = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode, **named: mode != os.R_OK and may(path, mode, **named))
+    done = CliRunner().invoke(group, ["convert", str(file), "-o", str(tmp_path / "other.csv")])
+    assert done.exit_code == 2
+    assert f"'{file}' is not readable" in done.stderr
