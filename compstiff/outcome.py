@@ -78,9 +78,11 @@ def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str
         return Outcome(findings=findings), STATUS.get(stopped.exit_code, "failed"), stopped.exit_code
     except (KeyboardInterrupt, click.Abort):
         # The demo writes in several steps; every other command in one, its last.
-        if len(files.written) > before and session.command != "demo" and not session.jobs:
+        demo = session.command == "demo"
+        if len(files.written) > before and not demo and not session.jobs:
             return Outcome(findings=(Finding("CS0011", "note", "interrupted after the output was complete"),)), "ok", DONE
-        left = "the program under way was not written" if session.jobs else "nothing was written"
+        left = "the program under way was not written" if session.jobs else (
+            "its folder may have a part of the files; --force runs it over them" if demo else "nothing was written")
         return Outcome(findings=(Finding("CS0010", "error", f"interrupted; {left}"),)), "interrupted", INTERRUPTED
     except click.ClickException:
         raise

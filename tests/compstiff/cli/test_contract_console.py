@@ -12,6 +12,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from compstiff import explain_code
 from compstiff.cli import console
 from compstiff.cli.main import compstiff as group
 from compstiff.cli.options import TargetRange
@@ -167,6 +168,35 @@ def test_explain_and_robots() -> None:
     listed = json.loads(compstiff_process("robots", "--json").stdout)["result"]["robots"]
     assert {"irb6660-205-1.90", "irb6640-235-2.55", "irb6700-200-2.60", "irb4400-60"} <= {robot["name"] for robot in listed}
     assert {"drive", "serial"} == {robot["load_path"] for robot in listed}
+
+
+@pytest.mark.parametrize(("words", "said", "hint"), [
+    (("CS1O02",), "there is no code or cause 'CS1O02'", "compstiff explain lists both"),
+    (("cs0000",), "there is no code 'cs0000'", "near it: CS"),
+    (("CS99999",), "there is no code 'CS99999'", "codes look like CS1002"),
+    (("hysterisis",), "there is no cause 'hysterisis'", "near it: hysteresis"),
+    (("force_x",), "there is no cause 'force_x'", "near it: force_gain, force_curve, force_axis_gain"),
+    (("base", "rockin"), "there is no cause 'base rockin'", "near it: base_rocking"),
+    (("Verify",), "'Verify' is a command, no finding or cause", "compstiff verify -h explains it")])
+def test_what_cannot_be_explained_is_said_with_what_is_near(words: tuple[str, ...], said: str, hint: str) -> None:
+    done = CliRunner().invoke(group, ["explain", *words])
+    first, second = done.stderr.splitlines()
+    assert (done.exit_code, done.stdout, first) == (1, "", f"error CS0009: {said}")
+    assert second.startswith("hint: ")
+    assert hint in second
+    assert second.count(", ") <= 2, "three that are near are enough"
+
+
+def test_a_script_is_told_of_a_code_that_is_not() -> None:
+    """In any case of its letters there is one; a digit beside it there is none."""
+    assert explain_code("cs0009") == {"code": "CS0009", **catalogue()["CS0009"]}
+    with pytest.raises(CompstiffError) as stopped:
+        explain_code("CS0008x")
+    (found,) = stopped.value.findings
+    assert (found.code, found.message) == ("CS0009", "there is no code 'CS0008x'")
+    near = found.hint.removeprefix("near it: ").split(", ")
+    assert len(near) == 3
+    assert set(near) < set(catalogue())
 
 
 def test_readme_and_help_name_the_same_commands() -> None:
