@@ -171,8 +171,8 @@ def test_explain_and_robots() -> None:
 
 
 @pytest.mark.parametrize(("words", "said", "hint"), [
-    (("CS1O02",), "there is no code or cause 'CS1O02'", "compstiff explain lists both"),
-    (("cs0000",), "there is no code 'cs0000'", "near it: CS"),
+    (("CS1O02",), "there is no code or cause 'CS1O02'", "compstiff COMMAND -h explains a command"),
+    (("cs0000",), "there is no code 'cs0000'", "near it: CS6000, CS0100, CS0080"),
     (("CS99999",), "there is no code 'CS99999'", "codes look like CS1002"),
     (("hysterisis",), "there is no cause 'hysterisis'", "near it: hysteresis"),
     (("force_x",), "there is no cause 'force_x'", "near it: force_gain, force_curve, force_axis_gain"),
@@ -183,8 +183,7 @@ def test_what_cannot_be_explained_is_said_with_what_is_near(words: tuple[str, ..
     first, second = done.stderr.splitlines()
     assert (done.exit_code, done.stdout, first) == (1, "", f"error CS0009: {said}")
     assert second.startswith("hint: ")
-    assert hint in second
-    assert second.count(", ") <= 2, "three that are near are enough"
+    assert second.endswith(hint)
 
 
 def test_a_script_is_told_of_a_code_that_is_not() -> None:
