@@ -65,14 +65,15 @@ def read_points(file: str | Path, cell: Cell) -> MeasuredPoints:
     components = [name for name in DEVIATION if name in table.numbers]
     if len(named) + bool(components) != 1:
         found = " and ".join([*named, *([" ".join(components)] if components else [])]) or "neither"
-        raise error("CS5300", f"found {found}, expected dx_um dy_um dz_um or nx ny nz dn_um", file=table.source, line=1,
-                    hint="give the components of the deviation, or the deviation along the stated normal")
+        raise error("CS5300", f"found {found}, expected dx_um dy_um dz_um or nx ny nz dn_um", file=table.source,
+                    line=table.header_line, hint="give the components of the deviation, or the deviation along the stated "
+                    "normal")
     normal = np.full((len(table), 3), np.nan)
     if NORMAL[0] in table.numbers:
         normal = _unit(table)
     if named:
         if NORMAL[0] not in table.numbers:
-            raise error("CS5300", f"has {named[0]} and no nx ny nz", file=table.source, line=1,
+            raise error("CS5300", f"has {named[0]} and no nx ny nz", file=table.source, line=table.header_line,
                         hint="a deviation along the normal needs the normal: out of the material, towards the tool")
         values, directions = table.numbers[named[0]][:, None], normal[:, None, :]
     else:

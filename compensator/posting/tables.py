@@ -29,7 +29,7 @@ def read_cam_table(file: Path, feed: float) -> CamPath:
                        may_be_empty=("feed_mm_s",), together=(CONFDATA, JOINTS))
     count = len(table)
     if not count:
-        raise error("CS2154", "the table has no row below its header", file=str(file), line=1,
+        raise error("CS2154", "the table has no row below its header", file=str(file), line=table.header_line,
                     hint="one row a target: x_mm y_mm z_mm q1 q2 q3 q4")
     findings = list(table.findings)
     rapid = _flags(table)

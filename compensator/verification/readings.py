@@ -102,8 +102,8 @@ def read_readings(file: Path, cell: Cell) -> Readings:
     along_normal = "dn_um" in table.numbers
     if along_normal == any(name in table.numbers for name in DEVIATION):
         raise error("CS6020", f"found {'both dn_um and' if along_normal else 'neither dn_um nor one of'} dx_um dy_um dz_um",
-                    file=table.source, line=1, hint="give the components x y z, as many as were measured, or the deviation "
-                    "along the normal")
+                    file=table.source, line=table.header_line, hint="give the components x y z, as many as were measured, or "
+                    "the deviation along the normal")
     names, sigmas = (("dn_um",), ("sn_um",)) if along_normal else (DEVIATION, SIGMA)
     deviation, findings = _columns(table, names), list(table.findings)
     nowhere = np.flatnonzero(np.isnan(place).any(axis=1) & ~np.isnan(deviation).all(axis=1))
@@ -170,7 +170,7 @@ def _placed(table: Table) -> tuple[Key, Array]:
     if POSITION[0] in table.numbers:
         return "x_mm y_mm z_mm", 1e-3 * table.stack(*POSITION)
     raise error("CS6021", f"no column says where a row was measured: found {', '.join(table.columns)}", file=table.source,
-                line=1, hint="give one of: target, path_mm, x_mm y_mm z_mm (planned place in the work object)")
+                line=table.header_line, hint="give one of: target, path_mm, x_mm y_mm z_mm (planned place in the work object)")
 
 
 def _columns(table: Table, names: tuple[str, ...]) -> Array:

@@ -13,4 +13,4 @@ def check_measured(table: Table, use: str) -> None:
     """Raises CompstiffError (CS6039) for deviation.csv or offsets.csv; use: what they are good for here."""
     if set(table.columns) >= OF_A_PREDICTION:
         raise error("CS6039", "holds the predicted deviation (columns samples, note, time_s), not a measured one",
-                    file=table.source, line=1, hint=f"name the file of what the probe or laser measured; {use}")
+                    file=table.source, line=table.header_line, hint=f"name the file of what the probe or laser measured; {use}")

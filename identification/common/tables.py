@@ -37,14 +37,15 @@ _SLIPS = (
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns of equal length by name: floats, or text where the caller asked for it. line (N,): source line of each row.
-    findings: columns that were not read."""
+    """Columns of equal length by name: floats, or text where the caller asked for it. line (N,): source line of each row,
+    header_line that of the names. findings: columns that were not read."""
 
     source: str
     numbers: Numbers
     texts: Texts
     line: NDArray[np.intp]
     columns: tuple[str, ...]
+    header_line: int
     findings: tuple[Finding, ...] = ()
 
     def __len__(self) -> int:
@@ -109,7 +110,7 @@ def _table(
     known = (*required, *optional, *texts)
     other = unread([name for name in names if name not in known], [name for name in known if name not in names])
     notes = [Finding("CS0204", level, text, file=file, line=header_line) for level, text in other]
-    return Table(file, numbers, labels, line, tuple(names), (*clocked, *notes))
+    return Table(file, numbers, labels, line, tuple(names), header_line, (*clocked, *notes))
 
 
 def check_columns(

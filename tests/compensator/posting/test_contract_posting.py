@@ -255,6 +255,20 @@ def test_wrong_cells_of_a_table(tmp_path, cell, column, value, code, where):
     assert (found.line, found.column) == (6, lines[0].split(",").index(column) + 1)
 
 
+@pytest.mark.parametrize("above", ["", "# from the CAM system\n\n"])
+def test_a_table_of_a_header_alone_is_none(tmp_path, cell, above):
+    """The line is that of its header; one row below it is enough."""
+    file = table(tmp_path, cell)
+    header, row = file.read_text().splitlines()[:2]
+    file.write_text(f"{above}{header}\n")
+    with pytest.raises(CompstiffError) as caught:
+        read_toolpath(file, cell)
+    found, = caught.value.findings
+    assert str(found).startswith(f"{file}:{above.count(chr(10)) + 1}: error CS2154: the table has no row below its header")
+    file.write_text(f"{above}{header}\n{row}\n")
+    assert len(read_toolpath(file, cell).toolpath) == 1
+
+
 def test_a_tool_without_load_is_said(tmp_path):
     cell = read_cell(write_cell(tmp_path, CELL.replace(", mass_kg: 80, centre_of_mass_mm: [0, 0, 120]", "")))
     read = planned(table(tmp_path, cell), cell).toolpath

@@ -7,15 +7,24 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from compensator.forces.log import read_force_log
+from compensator.learning.measured_points import read_points
+from compensator.verification.readings import read_readings
 from identification.common.findings import CompstiffError
 from identification.common.number_blocks import parse_block, text_blocks
 from identification.common.shipped import shipped
 from identification.common.table_layout import Layout, read_layout
 from identification.common.tables import read_table
+from identification.measurements import read_measurements
+from identification.model.cell import read_cell
+from identification.model.cell_file import ForceLogFile
+from tests.support import robot, write_cell
 
 NAMES = ("a_mm", "b_mm")
+LOADED = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,dx_um,dy_um,dz_um"
 Table = dict[str, np.ndarray]
 
 
@@ -155,6 +164,51 @@ def test_a_complaint_about_the_header_names_the_line_it_stands_on(tmp_path):
         found = stopped.value.findings[0]
         assert (found.code, found.line) == ("CS0202", 3)
         assert words in found.message
+
+
+@pytest.mark.parametrize(("read", "code", "header"), [
+    (read_points, "CS5300", "x_mm,y_mm,z_mm"), (read_points, "CS5300", "x_mm,y_mm,z_mm,dn_um"),
+    (read_points, "CS6039", "x_mm,y_mm,z_mm,samples,note,time_s"), (read_readings, "CS6020", "target"),
+    (read_readings, "CS6021", "dx_um,dy_um,dz_um")])
+def test_so_does_one_about_what_the_header_lacks(tmp_path: Path, read, code: str, header: str) -> None:
+    (tmp_path / "t.csv").write_text(f"# of the probe\n\n{header}\n" + ",".join("1" * (header.count(",") + 1)) + "\n")
+    with pytest.raises(CompstiffError) as stopped:
+        read(tmp_path / "t.csv", read_cell(write_cell(tmp_path)))
+    assert [(found.code, found.line) for found in stopped.value.findings] == [(code, 3)]
+
+
+@pytest.mark.parametrize(("column", "meant"), [("Dwell", "dwell_s"), ("times", "time_s"), ("tmsx", "time_s"), ("tmsxx", ""),
+                                               ("operator", ""), ("pose_name", "pose")])
+def test_a_column_that_is_not_read_is_named(tmp_path: Path, column: str, meant: str) -> None:
+    """With the name that is meant, where one is much alike; never one that the table has. On the line of the header."""
+    file = tmp_path / "m.csv"
+    rows = f"{LOADED}\n{','.join('1' * 12)}\n"
+    for name in (column, meant):
+        header, *body = rows.splitlines()
+        file.write_text("\n".join(["# by hand", f"{header},{name}", *(f"{row},1" for row in body)]) + "\n")
+        found = read_measurements(file, robot()).findings if name else ()
+        told = f"column '{column}' is not read; is '{meant}' meant?" if meant else f"columns that are not read: {column}"
+        assert [str(one) for one in found] == (
+            [f"{file}:2: {'warning' if meant else 'note'} CS0204: {told}"] if name == column else [])
+    file.write_text(f"{LOADED},{meant or 'pose'},{column},other\n{','.join('1' * 15)}\n")
+    named = [one.message for one in read_measurements(file, robot()).findings]
+    assert named[-1].endswith(": other" if "meant" in named[0] else f": {column}, other")
+    assert f"'{meant or 'pose'}' meant" not in named[0]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_column_of_a_force_log_that_is_not_read_is_named(tmp_path: Path, suffix: str) -> None:
+    """Rows of Parquet are counted as below a header. A column that cell.yaml leaves out is not spoken of."""
+    names = ["target", "fx_n", "fy_n", "fz_n", "tme_s", "spindle_load"]
+    frame, file = pd.DataFrame(np.ones((20, 6)), columns=names), tmp_path / f"log.{suffix}"
+    frame.to_parquet(file) if suffix == "parquet" else file.write_text("# rig\n" + frame.to_csv(index=False))
+    told = [(one.level, one.line, one.message) for one in read_force_log(file).findings if one.code == "CS0204"]
+    line = 2 if suffix == "csv" else 1
+    assert told == [("warning", line, "column 'tme_s' is not read; is 'time_s' meant?"),
+                    ("note", line, "columns that are not read: spindle_load")]
+    if suffix == "csv":
+        left = read_force_log(file, ForceLogFile(columns=(*names[:4], "-", "-")))
+        assert "CS0204" not in {one.code for one in left.findings}
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
