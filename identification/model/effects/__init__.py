@@ -22,7 +22,7 @@ ENTRY_POINTS = "compstiff.effects"
 def effects() -> dict[str, Effect]:
     """All effects by name: the built-in ones, then those of installed packages.
 
-    Raises CompstiffError (CS1301) where a package's entry is no effect, or takes a name that is taken.
+    Raises CompstiffError (CS1301) where a package's entry cannot be loaded, is no effect, or takes a name that is taken.
     """
     dictionary: dict[str, Effect] = {}
     for module in sorted(f"{__name__}.{info.name}" for info in iter_modules(__path__)):
@@ -31,8 +31,12 @@ def effects() -> dict[str, Effect]:
         # What several laws have in common begins with an underscore.
         dictionary |= {kind.name: kind() for kind in kinds if not kind.law and not kind.__name__.startswith("_")}
     for entry in entry_points(group=ENTRY_POINTS):
-        loaded = entry.load()
-        effect = loaded() if isinstance(loaded, type) else loaded
+        try:
+            loaded = entry.load()
+            effect = loaded() if isinstance(loaded, type) else loaded
+        except Exception as broken:
+            raise error("CS1301", f"the entry point '{entry.name}' of {ENTRY_POINTS} ({entry.value}) cannot be loaded: "
+                        f"{type(broken).__name__}: {broken}", hint="mend or uninstall that package") from broken
         if not isinstance(effect, Effect):
             raise error("CS1301", f"the entry point '{entry.name}' of {ENTRY_POINTS} gives {type(effect).__name__}, "
                         "expected an Effect", hint="docs/effects.md has a worked example")
