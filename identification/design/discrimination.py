@@ -227,6 +227,9 @@ def _pairs(separated: Separation, chosen: NDArray[np.intp]) -> tuple[tuple[str, 
 
 def no_rivals(diagnosed: Diagnosed) -> Finding:
     """What to say where the diagnosis leaves no choice between names."""
-    return Finding("CS1651", "note", f"the diagnosis is '{diagnosed.verdict}': there are no rival causes to tell apart, so the "
-                   "runs are those of the criterion", file=diagnosed.source,
-                   hint="an ambiguous diagnosis is what further loads can settle")
+    why, hint = f"the diagnosis is '{diagnosed.verdict}'", "an ambiguous diagnosis is what further loads can settle"
+    if diagnosed.verdict == "ambiguous":
+        why = "fewer than two of the names that the diagnosis leaves open can be fitted to these rows"
+        hint = "do the checks that the diagnosis names; a mistake in a file is none that loads settle"
+    return Finding("CS1651", "note", f"{why}: there are no rival causes to tell apart, so the runs are those of the criterion",
+                   file=diagnosed.source, hint=hint)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,6 +19,7 @@ from compensator.rapid import read_rapid
 from compstiff.cli.design import design
 from compstiff.cli.diagnose import diagnose
 from identification.common.findings import CompstiffError
+from identification.design import procedure
 from identification.design.discrimination import Diagnosed
 from identification.design.domain import Domain
 from identification.design.forecast import Forecast
@@ -25,8 +27,10 @@ from identification.design.information import instrument
 from identification.design.kept_back import distances
 from identification.design.loads import slot
 from identification.design.order import imbalance, run_order, travel
+from identification.design.plan import DesignPlan
 from identification.design.procedure import design_plan
 from identification.design.request import Request
+from identification.design.search import Effort, optimal_design
 from identification.diagnosis.plan import judge_plan
 from identification.fit.fit import fit_stiffness
 from identification.measurements import read_measurements
@@ -181,7 +185,11 @@ def test_wrong_calls_and_refusals(written, tmp_path):
     cell = folder / "cell.yaml"
     out = tmp_path / "p.csv"
     assert run(cell, "-o", folder / "plan.csv").exit_code == 1
-    assert run(cell, "-o", out, "--criterion", "I").exit_code == 1
+    without = run(cell, "-o", out, "--criterion", "I")
+    assert without.exit_code == 1
+    assert f"{cell}: error CS1602: the criterion I is the mean variance over a milling program, and there is none\n" in (
+        without.output)
+    assert "hint: name it with --toolpath" in without.output
     far = run(cell, "-o", out, "--position", 9000, 0, 0)
     assert far.exit_code == 1
     assert "CS1601" in far.output
@@ -191,6 +199,70 @@ def test_wrong_calls_and_refusals(written, tmp_path):
         assert run(cell, "-o", out, *wrong).exit_code == 2
     assert isinstance(design, click.Command)
     assert not out.exists()
+
+
+LITTLE = Effort(200, 2, 1, 0, 1)
+
+
+def small_plan(cell, monkeypatch) -> DesignPlan:
+    """Two poses, searched with little effort and without a forecast: for what is said of the program that drives there."""
+    monkeypatch.setattr(procedure, "QUICK", LITTLE)
+    monkeypatch.setattr(procedure, "forecast", lambda *of: None)
+    return design_plan(cell, Request(measurements=2, axes="z", protocol="single"), quick=True)
+
+
+@pytest.mark.parametrize(("kept", "stated"), [
+    (", mass_kg: 80, centre_of_mass_mm: [0, 0, 120]", True), (", mass_kg: 80", False),
+    (", centre_of_mass_mm: [0, 0, 120]", False), ("", False)])
+def test_a_program_without_the_tool_s_load_is_said(tmp_path, monkeypatch, kept: str, stated: bool) -> None:
+    """Both numbers make it: then the controller is told them."""
+    cell = read_cell(write_cell(tmp_path, CELL.replace(", mass_kg: 80, centre_of_mass_mm: [0, 0, 120]", kept)))
+    program = small_plan(cell, monkeypatch).rapid("plan")
+    text = program.content.decode()
+    told = [(one.level, one.file) for one in program.findings if one.code == "CS1603"]
+    assert told == [("note", str(tmp_path / "cell.yaml"))] * (not stated)
+    tools = set(re.findall(r"Move\w+ .*,(\w+)\\?.*;", text))
+    assert tools == {"tMeasure" if stated else "tool0"}, text
+    assert ("[80,[0,0,120]" in text.replace(".0", "")) is stated
+
+
+def test_a_pose_without_a_retreat_is_named(cell, monkeypatch) -> None:
+    """Axis 5 a tenth of a degree and five degrees from its limit: the robot drives straight to the first pose and away, to the
+    other one by a place above or behind it."""
+    plan = small_plan(cell, monkeypatch)
+    near, beside = (np.radians([70, 0, 5, 105, axis, -122]) for axis in (-119.9, -115.0))
+    assert (cell.robot.limit_excess(np.stack([near, beside])) <= 0).all()
+    for poses, names in (((near, beside), "P01"), ((beside, near), "P02"), ((near, near), "P01, P02"), ((beside, beside), "")):
+        program = replace(plan, sheet=replace(plan.sheet, theta=np.stack(poses))).rapid("plan")
+        told = [(one.level, one.message) for one in program.findings if one.code == "CS1604"]
+        assert told == [("warning", f"no retreat within the joint limits for {names}: the robot drives there and away by a "
+                         "direct joint move")][: bool(names)]
+        joints = read_rapid(program.content, "plan.mod").toolpath.joints
+        visited = [line for pose in poses for line in ([pose] if pose is near else [None, pose, None])]
+        assert len(joints) == len(visited)
+        for found, wanted in zip(joints, visited, strict=True):
+            assert wanted is None or np.abs(found - wanted).max() < 1e-6
+            assert (cell.robot.limit_excess(found[None]) <= 1e-9).all()
+
+
+@pytest.mark.parametrize(("verdict", "rivals", "said"), [
+    ("named", 2, "the diagnosis is 'named'"),
+    ("ambiguous", 1, "fewer than two of the names that the diagnosis leaves open can be fitted to these rows"),
+    ("ambiguous", 2, "")])
+def test_a_diagnosis_without_rivals_is_said_to_have_none(monkeypatch, verdict: str, rivals: int, said: str) -> None:
+    """Of one that is ambiguous it is not said that it is none; with two rivals the runs are those that tell them apart."""
+    cell = read_cell(ROOT / "samples" / "cell.yaml")
+    rows = read_measurements(ROOT / "samples" / "measurements.csv", cell.robot)
+    for name, value in (("QUICK", LITTLE), ("forecast", lambda *of: None), ("rival_models", lambda *of: {
+            f"cause {k}": ("its fit", 0.4) for k in range(rivals)}), ("discriminating_design", lambda task, *of: (
+                optimal_design(task, np.random.default_rng(0), LITTLE), "what tells them apart"))):
+        monkeypatch.setattr(procedure, name, value)
+    plan = design_plan(cell, Request(measurements=1, axes="z", protocol="single", measured=rows.select(rows.visit < 6),
+                                     diagnosis=Diagnosed(verdict, (), (), "diagnosis.json")), quick=True)
+    told = [(one.level, one.file, one.message) for one in plan.findings if one.code == "CS1651"]
+    assert told == [("note", "diagnosis.json", f"{said}: there are no rival causes to tell apart, so the runs are those of the "
+                     "criterion")][: bool(said)]
+    assert (plan.aim == "what tells them apart") is not bool(said)
 
 
 def test_order_is_short_and_balanced(cell):
@@ -333,3 +405,27 @@ def test_a_long_program_is_thinned_evenly(tmp_path: Path) -> None:
     assert len(poses.theta) == 1334
     np.testing.assert_allclose(1e3 * np.diff(poses.tcp[:, 1]), 0.3, atol=1e-6)
     np.testing.assert_allclose(1e3 * poses.tcp[[0, -1], 1], [-200, 199.9], atol=1e-6)
+
+
+@pytest.mark.parametrize(("x_mm", "force_n", "poses"), [
+    ((9000, 1400, 9000), None, 1), ((9000, 9001, 9002), None, 0), ((1400, 1401, 1402), (0, -60, 0), 1),
+    ((1400, 1401, 1402), (0, 0, 0), 0), ((9000, 9001, 1402), (60, 60, 0), 0), ((9000, 9001, 1402), (60, 60, 60), 1)])
+def test_a_program_none_of_whose_targets_counts_is_refused(
+    tmp_path: Path, x_mm: tuple[int, ...], force_n: tuple[int, ...] | None, poses: int
+) -> None:
+    """One target that is reached, and with a log shows a force, is enough; nine metres out none is reached."""
+    cell = compstiff.read_cell(write_cell(tmp_path, "robot: irb6660-205-1.90\ntool: {position_mm: [0, 0, 200]}\n"))
+    program, log = tmp_path / "part.mod", tmp_path / "log.csv"
+    moves = "".join(f"  MoveL [[{x},0,900],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tool0;\n" for x in x_mm)
+    program.write_text(f"MODULE Part\nPROC main()\n{moves}ENDPROC\nENDMODULE\n")
+    if force_n is not None:
+        log.write_text("target,fx_n,fy_n,fz_n\n" + "".join(f"{k},0,0,{force}\n" for k, force in enumerate(force_n)))
+    forces = None if force_n is None else log
+    if poses:
+        assert len(compstiff.milling_poses(cell, program, forces).theta) == poses
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        compstiff.milling_poses(cell, program, forces)
+    found, = stopped.value.findings
+    why = "none of the 3 targets is reached by the robot" + (" with a force on the tool" if forces else "")
+    assert str(found).splitlines()[0] == f"{program}: error CS1602: {why}"
