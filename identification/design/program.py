@@ -71,7 +71,7 @@ def rapid_program(domain: Domain, sheet: Sheet, name: str, comments: list[str]) 
             "CS1603", "note", "the program moves with tool0: cell.yaml states no mass and centre of mass of the tool",
             file=str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or put your own tooldata in the "
             "program: the controller needs the load to move and stand well"))
-    lost = [sheet.label[i] for i in np.flatnonzero(np.isnan(behind[:, 0]))]
+    lost = [sheet.label[i] for i in np.flatnonzero(np.isnan(behind).any(axis=1))]
     if lost:
         findings.append(Finding(
             "CS1604", "warning", f"no retreat within the joint limits for {', '.join(lost)}: the robot drives there and away "

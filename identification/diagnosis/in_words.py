@@ -260,7 +260,7 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
                                 file=str(robot.source), hint="add links (mass and centre) to a robot file of your own"))
     for name, why in judgement.left_out.items():
         if name in effects() and why not in OF_THE_KIND:
-            findings.append(Finding("CS1405", "note", f"{name} was not looked for: {why}", file=source))
+            findings.append(Finding("CS1405", "note", f"{cause_words(name)} was not looked for: {why}", file=source))
     findings += _times_assumed(judgement.plain.load_state, source)
     if judgement.verdict == "adequate" and not judgement.plain.data.cell.noise.force_gain:
         # The hook is no candidate where nothing hangs.

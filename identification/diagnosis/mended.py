@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 from dataclasses import dataclass
 from pathlib import Path
@@ -125,7 +126,8 @@ def _replaced(text: str, keys: tuple[str, ...], value: str, file: Path) -> str:
         for key in keys[:-1]:
             place = place[key]
         place[keys[-1]] = yaml.safe_load(value)
-        if yaml.safe_load(changed) == expected:
-            return changed
+        with contextlib.suppress(yaml.YAMLError):       # another key has the value too, by an anchor that stood there
+            if yaml.safe_load(changed) == expected:
+                return changed
     raise error("CS1705", f"{'.'.join(keys)} could not be changed in this file", file=str(file),
                 hint=f"write {value} there by hand")
