@@ -112,8 +112,7 @@ POSITION = "position_mm: [120, 0, 250]"
     (f"tool:\n  {POSITION}\n  quaternion: &turn [1, 0, 0, 0]", "tool:\n  position_mm: [121.5, 0, 250]\n  quaternion: &turn "),
     ("tool: {position_mm: &place [120, 0, 250], mass_kg: 3, centre_of_mass_mm: *place}", ""),
     ("workobject: {position_mm: &place [120, 0, 250]}\ntool: {position_mm: *place}", ""),
-    ("workobject: {position_mm: &place [1, 2, 3]}\ntool: {position_mm: &place [120, 0, 250], mass_kg: 3, "
-     "centre_of_mass_mm: *place}", "")])
+    ("workobject: &place {position_mm: [120, 0, 250]}\ntool: *place", "")])
 def test_a_cell_file_that_cannot_be_mended_is_said(tmp_path: Path, tool: str, written: str) -> None:
     """Numbers that another key has too: what to write by hand is said. Anchors may stand elsewhere."""
     file = tmp_path / "cell.yaml"
