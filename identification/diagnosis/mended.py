@@ -6,6 +6,7 @@ import contextlib
 import io
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -121,13 +122,15 @@ def _replaced(text: str, keys: tuple[str, ...], value: str, file: Path) -> str:
         start, end = node.start_mark.index, node.end_mark.index
         line_end = "\n" if text[start:end].endswith("\n") else ""
         changed = text[:start] + value + line_end + text[end:]
-        expected = yaml.safe_load(text)
-        place = expected
-        for key in keys[:-1]:
-            place = place[key]
-        place[keys[-1]] = yaml.safe_load(value)
+        expected = _with_value(yaml.safe_load(text), keys, yaml.safe_load(value))
         with contextlib.suppress(yaml.YAMLError):       # another key has the value too, by an anchor that stood there
             if yaml.safe_load(changed) == expected:
                 return changed
     raise error("CS1705", f"{'.'.join(keys)} could not be changed in this file", file=str(file),
                 hint=f"write {value} there by hand")
+
+
+def _with_value(content: dict[str, Any], keys: tuple[str, ...], value: Any) -> dict[str, Any]:
+    """The mapping with another value at these keys, and there alone: what anchors share is copied."""
+    first, *further = keys
+    return content | {first: _with_value(content[first], tuple(further), value) if further else value}
