@@ -48,7 +48,8 @@ class JointLogDiagnosis:
         findings = list(stiffness_findings(self.logs, [axis.stiffness for axis in self.axes]))
         for axis in self.axes:
             follows = [f"{name} ({100 * share:.0f} % of it, p = {p:.2g})" for name, share, p in axis.left.patterns]
-            if follows:
+            # What open causes explain, or the gear's damping, leaves no pattern.
+            if follows and axis.verdict in ("named", "unknown"):
                 findings.append(Finding("CS1505", "warning", f"joint {axis.joint}: what is left follows "
                                         f"{' and '.join(follows)}; no cause in the dictionary has that law", file=source,
                                         hint="a transmission or encoder error repeats with the angle: measure it by moving "
@@ -62,7 +63,8 @@ class JointLogDiagnosis:
                          for zero in axis.zeros if zero.moved]
         if self.verdict == "unknown":
             findings.append(Finding("CS1401", "warning", "something is wrong that no cause in the dictionary explains",
-                                    file=source))
+                                    file=source, hint="no cause is carried into the model; look at what is left by angle, "
+                                    "torque and frequency in the report (--report)"))
         if self.verdict == "ambiguous":
             names = dict.fromkeys(cause_words(cause.label) for axis in self.axes for cause in axis.alternatives)
             findings.append(Finding("CS1402", "warning", f"the log cannot tell several causes apart: {', '.join(names)}",

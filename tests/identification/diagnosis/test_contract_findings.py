@@ -14,6 +14,7 @@ from identification.common.findings import CompstiffError
 from identification.common.shipped import shipped
 from identification.diagnosis.blocks import Thinning
 from identification.diagnosis.diagnose import Diagnosis, diagnose
+from identification.diagnosis.gross import BadRow
 from identification.diagnosis.mended import MendedFile, mended_file
 from identification.diagnosis.share import share_of
 from identification.fit.load_test import LoadTest
@@ -99,9 +100,13 @@ def test_poses_that_stand_out_and_are_kept_are_said(adequate: Diagnosis) -> None
              "no name: all were kept", 44)]
     assert told(adequate, "CS1735", verdict="unknown", visits=test) == said
     assert told(adequate, "CS1735", verdict="unknown", visits=replace(test, bad=())) == []
+    row = BadRow(3, 4, nothing + 5e-5, nothing + 1e-6, 0.001)
+    assert told(adequate, "CS1735", verdict="named", visits=test, bad_rows=(row,)) == []
     left_out = tuple(BadVisit(score, (), "") for score in scores)
     assert told(adequate, "CS1735", verdict="named", visits=test, bad_visits=left_out) == []
-    assert [line for *_, line in told(adequate, "CS1730", verdict="named", visits=test, bad_visits=left_out)] == [44, 9]
+    for rows in ((), (row,)):
+        said = told(adequate, "CS1730", verdict="named", visits=test, bad_visits=left_out, bad_rows=rows)
+        assert [line for *_, line in said] == [44, 9]
 
 
 POSITION = "position_mm: [120, 0, 250]"

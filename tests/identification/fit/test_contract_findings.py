@@ -1,0 +1,80 @@
+"""What `identify` says of joints that are known roughly and of readings that remember each other, on both sides."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.fit.fit import Fit, fit_stiffness
+from tests.identification.fit.test_laws_posterior import NOISY, simulate
+
+
+def told(fit: Fit, code: str) -> list[tuple[str, str, str]]:
+    findings = [one for one in fit.findings if one.code == code]
+    assert {one.file for one in findings} <= {fit.measurements.source}
+    return [(one.level, one.message, one.hint) for one in findings]
+
+
+@pytest.mark.parametrize("directions", ["z", "xz"])
+def test_joints_that_are_known_to_a_fifth_only_are_said(tmp_path: Path, directions: str) -> None:
+    """1 sigma of ln k over 0.2; each by itself, with why, and a load that helps. Four loads leave joints on either side; one
+    that was not seen is said otherwise (CS1012)."""
+    cell, rows = simulate(tmp_path, np.random.default_rng(5), poses=2, loads=2, directions=directions)
+    fit = fit_stiffness(cell, rows)
+    std = fit.model.log_std
+    unseen = {int(message[1]) for _, message, _ in told(fit, "CS1012")}
+    rough = [joint for joint in range(1, 7) if std[joint - 1] > 0.2 and joint not in unseen]
+    assert [message[:15] for _, message, _ in told(fit, "CS1014")] == [f"k{joint} is tentative" for joint in rough]
+    assert rough
+    assert len(rough) + len(unseen) < 6
+    for level, message, hint in told(fit, "CS1014"):
+        assert level == "note"
+        assert "trade off (correlation" in message or "times the sensor's sigma" in message
+        assert re.match(r"one load of 300 N along base [xyz] at joints \(.*\) deg would bring the uncertainty of "
+                        f"{message[:2]} to", hint)
+
+
+def test_joints_of_a_model_that_is_rejected_are_said_in_one_line(tmp_path: Path) -> None:
+    """Twice as soft as the poses that are kept back: what the loads tell of a joint does not count."""
+    cell, rows = simulate(tmp_path, np.random.default_rng(5), poses=6)
+    good = fit_stiffness(cell, rows)
+    assert not good.model.rejected
+    sure = [joint for joint in range(1, 7) if good.grades[joint - 1].grade == "reliable"]
+    assert len(sure) > 3
+    assert not [message for _, message, _ in told(good, "CS1014") if "rejected" in message]
+    kept = rows.visit > 3
+    soft = np.where(kept, 1.0, 2.0)[:, None] * rows.deflection
+    bad = fit_stiffness(cell, replace(rows, deflection=soft, validate=kept))
+    assert bad.model.rejected
+    names = ", ".join(f"k{joint}" for joint in range(1, 7) if bad.model.log_std[joint - 1] <= 0.2)
+    said, = [one for one in told(bad, "CS1014") if "rejected" in one[1]]
+    assert said == ("note", f"{names} are tentative: the model of all joints is rejected, whatever the loads tell of one",
+                    "compstiff diagnose looks for what the model lacks")
+
+
+@pytest.mark.parametrize(("memory", "remembered"), [(0.8, True), (0.0, False)])
+def test_readings_that_remember_each_other_are_said(tmp_path: Path, memory: float, remembered: bool) -> None:
+    """Noise of the sensor alone, of its stated size, each reading's with this share of the one before it in the same visit: the
+    correlation that is told is that one. Readings on their own are not spoken of."""
+    rng = np.random.default_rng(3)
+    alone = NOISY.replace("0.01,", "0,").replace("[1, 1, 1]", "[0, 0, 0]").replace("[4, 4, 4]", "[0, 0, 0]")
+    cell, rows = simulate(tmp_path, rng, poses=8, loads=6, quiet=True, text=alone)
+    noise = cell.noise.deflection * rng.standard_normal(rows.deflection.shape)
+    for row in range(1, len(rows)):
+        if rows.visit[row] == rows.visit[row - 1]:
+            noise[row] = memory * noise[row - 1] + np.sqrt(1 - memory**2) * noise[row]
+    fit = fit_stiffness(cell, replace(rows, deflection=rows.deflection + noise))
+    said = told(fit, "CS1040")
+    assert len(said) == remembered
+    for level, message, hint in said:
+        assert level == "note"
+        start, _, rest = message.partition("(correlation ")
+        told_memory, _, end = rest.partition(")")
+        assert start == "neighbouring readings of a visit are alike beyond what they share "
+        assert float(told_memory) == pytest.approx(memory, abs=0.15)
+        assert end == ": they tell less than so many readings of their own"
+        assert hint == "wait longer between readings, or take more poses"

@@ -1,0 +1,104 @@
+"""What `identify` and `diagnose` say of joint deflection logs beside their answers, on both sides of what makes them say so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from identification.model.cell import read_cell
+from identification.motion.axis_diagnosis import AxisDiagnosis
+from identification.motion.diagnosis import JointLogDiagnosis, diagnose_joint_logs
+from identification.motion.fit import fit_joint_logs
+from identification.motion.lines import Line
+from identification.motion.log_file import MotionLog, read_motion_log
+from identification.motion.remainder import Remainder
+from tests.identification.motion.simulated_joint import columns, write
+from tests.support import write_cell
+
+ANGLE, TORQUE = "the joint's angle", "the torque"
+
+
+def log_of(folder: Path, **changed: np.ndarray) -> MotionLog:
+    return read_motion_log(write(folder / "log.csv", columns(3, {}, seconds=10) | changed))
+
+
+def test_a_log_that_does_not_tell_a_stiffness_says_so(tmp_path: Path) -> None:
+    """A torque that only accelerates; the same motion with a load of its own tells it, to 5 %."""
+    cell = read_cell(write_cell(tmp_path))
+    values = columns(3, {}, seconds=10)
+    speed = np.gradient(np.radians(values["q2_motor_deg"]), values["time_s"])
+    mute = log_of(tmp_path, q2_torque_nm=4000 * speed + 900 * np.gradient(speed, values["time_s"]))
+    fit = fit_joint_logs(cell, [mute])
+    said, = [one for one in fit.findings if one.code == "CS1502"]
+    assert (said.level, said.file) == ("warning", str(tmp_path / "log.csv"))
+    assert said.message.startswith("k2 is not identifiable from this log, its value is the prior's: torque follows speed and "
+                                   "acceleration too closely: ")
+    assert said.hint == "load the joint while it stands still or moves slowly"
+    assert fit.model.grades[1] == "not identifiable"
+    assert fit.model.stiffness[1] == pytest.approx(cell.prior.stiffness[1])
+    told = fit_joint_logs(cell, [log_of(tmp_path)])
+    assert "CS1502" not in {one.code for one in told.findings}
+    assert told.model.stiffness[1] == pytest.approx(5e6, rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def unknown(tmp_path_factory: pytest.TempPathFactory) -> JointLogDiagnosis:
+    """A link angle that is off by a wave of the torque, which no gear does."""
+    folder = tmp_path_factory.mktemp("unknown")
+    values = columns(8, {}, noise=3e-6)
+    off = np.degrees(6e-5 * np.cos(3 * values["q2_torque_nm"] / 800))
+    log = read_motion_log(write(folder / "log.csv", values | {"q2_link_deg": values["q2_link_deg"] + off}))
+    return diagnose_joint_logs(read_cell(write_cell(folder)), [log], replicates=19)
+
+
+def told(found: JointLogDiagnosis, code: str, **changed: Any) -> list[tuple[str, str]]:
+    """Level and words of the findings of this code, with other things found at the joint; they name the log."""
+    axis = cast(AxisDiagnosis, replace(found.axes[0], **changed))
+    findings = [one for one in replace(found, axes=(axis,)).findings if one.code == code]
+    assert {one.file for one in findings} <= {found.logs[0].source}
+    return [(one.level, one.message) for one in findings]
+
+
+def test_a_log_whose_law_is_in_no_dictionary_says_what_is_left(unknown: JointLogDiagnosis) -> None:
+    """Four fifths of it, by the p-value that four hundred shifts can have; it is said where no cause explains it."""
+    assert unknown.verdict == "unknown"
+    (level, message), = told(unknown, "CS1505")
+    assert level == "warning"
+    start, share, end = message.partition("80 %")
+    assert (start, share) == ("joint 2: what is left follows the torque (", "80 %")
+    assert end == " of it, p = 0.0025); no cause in the dictionary has that law"
+    assert told(unknown, "CS1401") == [("warning", "something is wrong that no cause in the dictionary explains")]
+    assert told(unknown, "CS1401", verdict="named") == told(unknown, "CS1401", verdict="adequate") == []
+    hints = {one.code: one.hint for one in unknown.findings}
+    assert "--report" in hints["CS1401"]
+
+
+@pytest.mark.parametrize(("p_values", "follows"), [
+    ((0.005, 0.0051), ["the joint's angle (30 % of it, p = 0.005)"]), ((0.0051, 0.5), []),
+    ((0.004, 0.002), ["the joint's angle (30 % of it, p = 0.004)", "the torque (20 % of it, p = 0.002)"])])
+def test_what_is_left_follows_what_chance_makes_once_in_a_hundred(
+    unknown: JointLogDiagnosis, p_values: tuple[float, float], follows: list[str]
+) -> None:
+    """Over both quantities. What open causes explain, or the gear's damping, is not said to have no cause."""
+    left = Remainder(((ANGLE, 0.3, p_values[0]), (TORQUE, 0.2, p_values[1])), (), (1.0, 0.1))
+    said = [("warning", f"joint 2: what is left follows {' and '.join(follows)}; no cause in the dictionary has that law")]
+    assert told(unknown, "CS1505", left=left) == said[: bool(follows)]
+    assert told(unknown, "CS1505", left=left, verdict="named") == said[: bool(follows)]
+    assert [told(unknown, "CS1505", left=left, verdict=other) for other in ("ambiguous", "adequate")] == [[], []]
+
+
+def test_what_was_not_found_again_is_said_with_its_waves(unknown: JointLogDiagnosis) -> None:
+    """And not of a line that was."""
+    again, once, other = (Line(cycles, 0.1, 1e-4, p, (5.0, 6.0)) for cycles, p in ((25.04, 1e-4), (700.0, 0.4), (413.27, 0.9)))
+
+    def found(*lines: Line) -> list[tuple[str, str]]:
+        return told(unknown, "CS1611", transmission=SimpleNamespace(lines=lines, again_on="other.csv"))
+
+    assert found() == found(again) == []
+    assert found(again, once, other) == [
+        ("note", "joint 2: what repeats 700.0, 413.3 times a turn is not found again in other.csv: it is not named")]
