@@ -103,10 +103,14 @@ def pass_file(case: Case, design: Design, folder: Path, count: int = 800) -> tup
 def test_machined_passes(seed: int, hidden: list[Hidden], names: list[str], tmp_path: Path) -> None:
     case, design = machined(seed, hidden)
     cell, rows = pass_file(case, design, tmp_path)
-    found = diagnose(cell, rows, replicates=39).judgement
+    diagnosis = diagnose(cell, rows, replicates=39)
+    found = diagnosis.judgement
     assert found.verdict == ("named" if names else "adequate")
     assert [cause.label for cause in found.causes] == names
     assert found.thinning is not None
+    said, = [one for one in diagnosis.findings if one.code == "CS1408"]
+    assert said.message.startswith(f"{len(rows)} rows of machined passes were averaged over {found.thinning.blocks} blocks: ")
+    assert said.message.endswith(f" about {len(rows) / found.thinning.autocorrelation_time:.0f} independent ones")
     assert found.thinning.autocorrelation_time > 4            # (1 + 0.8) / (1 - 0.8) = 9 for noise alone
     assert found.thinning.blocks < len(rows) / 4
     # One sigma of a mean of `size` readings with that memory, in one reading's.
