@@ -95,8 +95,8 @@ class Readings:
 
 def read_readings(file: Path, cell: Cell) -> Readings:
     """Reads a measured pass (docs/formats.md, verify). Raises CompstiffError: CS0201 to CS0203, CS6020 nothing measured,
-    both kinds, or one target along several normals, CS6021 no column places the rows, CS6035 smaller than their own scatter, CS6036 in another unit, CS6039
-    what `predict` or `correct` wrote."""
+    both kinds, or one target along several normals, CS6021 no column places the rows, CS6035 smaller than their own scatter,
+    CS6036 in another unit, CS6039 what `predict` or `correct` wrote."""
     table = read_table(file, required=(), optional=("target", "path_mm", *POSITION, *DEVIATION, *SIGMA, "dn_um", "sn_um",
                                                     *NORMAL, "std_um"),
                        may_be_empty=(*DEVIATION, "dn_um", *POSITION), together=(POSITION, SIGMA, NORMAL))
