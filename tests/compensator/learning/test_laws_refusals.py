@@ -69,8 +69,8 @@ def test_too_few_places_to_leave_stretches_out_are_told(tracks: TwoTracks, tmp_p
 
 
 @pytest.mark.parametrize(("learned", "better", "refused"), [
-    (50.0, -2.1, True), (50.0, -1.9, False),        # standard errors
-    (44.1, -5.0, True), (43.9, -5.0, False)])       # a tenth more than 40 um
+    (50.0, -2.1, True), (50.0, -2.0, False),        # standard errors
+    (44.1, -5.0, True), (44.0, -5.0, False)])       # a tenth more than 40 um
 def test_what_makes_stretches_left_out_surely_worse_is_refused(learned: float, better: float, refused: bool) -> None:
     tried = HeldOut(40e-6, 40e-6, 1e-6 * learned, better, 8)
     beside = Finding("CS5302", "note", "something else")
