@@ -12,10 +12,12 @@ import pytest
 
 from compensator.correction.files import Inputs
 from compensator.correction.settings import Estimate
+from compensator.learned.learned import JobFrame
 from compensator.learning.held_out import HeldOut
 from compensator.learning.learning import Learning
 from compensator.learning.refusals import refuse_worse, said_of
 from identification.common.findings import Finding, Refused
+from identification.model.rotations import Frame
 from tests.compensator.learning.two_tracks import TwoTracks, two_tracks
 
 THIRD = slice(None, None, 3)
@@ -86,6 +88,20 @@ def test_what_makes_stretches_left_out_surely_worse_is_refused(learned: float, b
 
 def test_where_nothing_was_tried_nothing_is_refused() -> None:
     refuse_worse(None, "points.csv", ())
+
+
+@pytest.mark.parametrize(("large", "level"), [(1.0, "note"), (1.01, "warning")])
+def test_set_up_and_drift_are_told_in_their_units(large: float, level: str) -> None:
+    """(40, 0, 30) um times four, a turn that moves a place at 0.1 m by 60 um, a drift of 70 um in 12 s; the rest is none."""
+    beyond = 1e-6 * np.array([160 * large, 0, 120 * large, 0, 60, 0, 0, 0, 70, 900, 900, 900])
+    learned = SimpleNamespace(mean=np.concatenate([np.zeros(6), beyond]), springs=6, frame=JobFrame(
+        Frame.identity(), np.zeros(3), 0.1, 12.0))
+    learning: Any = SimpleNamespace(learned=learned, motion=Estimate(1.0, 0.01), setup_on=True, drift_on=True,
+                                    held_out=object(), source="points.csv")
+    set_up, drift = said_of(learning, np.eye(6), np.zeros(6))
+    assert (set_up.code, set_up.level, drift.code, drift.level) == ("CS5314", level, "CS5315", "note")
+    assert f"stood {200 * large:.0f} um and 0.60 mrad" in set_up.message
+    assert "a drift of 70 um over the 12 s" in drift.message
 
 
 @pytest.mark.parametrize(("chi2", "pulled"), [(22.4, False), (22.5, True)])

@@ -268,6 +268,15 @@ def test_a_load_that_is_not_confirmed_is_told_with_what_may_be_loaded(controller
     assert controller.loaded()["Insert"] == file.read_bytes()
 
 
+@pytest.mark.parametrize(("of_load", "reason"), [([], "HTTP 503"), ([502], "HTTP 502")])
+def test_a_load_after_which_nothing_can_be_seen_is_told_by_its_first_reason(controller, cell, tmp_path, of_load, reason):
+    """The tasks are asked for before it, under mastership, and after it."""
+    controller.sick = {load_of(controller): [*of_load], ("GET", "/rw/rapid/tasks"): [0, 0, 503]}
+    done = kit.call(cell, kit.write_module(tmp_path), "--apply", "--load", "T_ROB1", "--retries", 0)
+    assert (done.code, done.codes, "Insert" in controller.loaded()) == (4, ["CS6118"], not of_load)
+    assert f"loading was not confirmed ({reason}: " in done.message
+
+
 class Disk(dict):
     """Files of which one keeps no more than so many bytes; read, a file may come spoilt so many times."""
 
