@@ -109,6 +109,12 @@ def test_a_radius_needs_to_know_the_side(tracks: TwoTracks, tmp_path: Path, radi
                          read_cell(tracks.inputs.cell))
     if not radius:
         assert len(place_points(points, tracks.predicted, 0.0, 1e-3).rows) == 20
+        # The surface is 8 mm beside the track, which is on the side to which its normal points.
+        surface = np.array([[x, -8, DEPTH, 0, 1, 0, 5] for x in range(20)])
+        points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,nx,ny,nz,dn_um", surface),
+                             read_cell(tracks.inputs.cell))
+        placed = place_points(points, tracks.predicted, 8e-3, 1e-3)
+        np.testing.assert_allclose(tracks.place[placed.before][:, 0] + placed.share, np.arange(20), atol=0.13)
         return
     with pytest.raises(CompstiffError) as stopped:
         place_points(points, tracks.predicted, 1e-3 * radius, 1e-3)
