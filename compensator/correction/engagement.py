@@ -135,7 +135,8 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
     asked, followed = followed, np.clip(followed, -MOST_GROWTH, MOST_GROWTH)
     if (asked != followed).any():
         left = np.hypot(left, _left(predicted, np.abs(asked - followed), followed))
-    forces, findings = _engaged(predicted, followed, asked, wall.stiffness, chosen)
+    forces, findings = _engaged(predicted, followed, wall.stiffness, chosen)
+    findings = (*_limited(predicted, np.flatnonzero(asked != followed), across), *findings)
     gain = _check_gain(predicted, wall.stiffness, direction)
     loaded = replace(predicted.loaded, forces=forces)
     prediction = predict_path(loaded)
@@ -302,34 +303,37 @@ def _refuse_what_does_not_fit(predicted: Predicted, growth: Array, stiffness: Ar
 
 
 def _engaged(
-    predicted: Predicted, growth: Array, asked: Array, stiffness: Array, chosen: NDArray[np.bool_]
+    predicted: Predicted, growth: Array, stiffness: Array, chosen: NDArray[np.bool_]
 ) -> tuple[TargetForces, tuple[Finding, ...]]:
-    """The forces of the corrected pass, out of those of the logged pass, which grow by a share of themselves (N,); asked (N,):
-    by what the stiffness (N,) [N/m] of the wall, which is in it, asks for; chosen (N,) from `_deeper`."""
+    """The forces of the corrected pass, out of those of the logged pass, which grow by a share of themselves (N,); stiffness
+    (N,) [N/m]: of the wall, which is in it; chosen (N,) from `_deeper`."""
     forces, source = predicted.forces, predicted.path.toolpath.source
-    limited = _limited(predicted, np.flatnonzero(asked != growth))
     cut = replace(forces, wrench=forces.wrench * (1 + growth)[:, None])
     size = growth[chosen & (growth != 0)]
     left = len(predicted.targets) - len(size)
     note = f"; {left} with next to no force across the feed, or in another cut, keep theirs" if left else ""
     known = f"with a cutting stiffness of {1e-3 * stiffness.max():.3g} N/mm" if stiffness.any() else "in slots"
-    return cut, (*limited, Finding(
+    return cut, (Finding(
         "CS4120", "note", f"force follows the cut: {known} the corrected "
         f"pass meets forces that are {100 * np.median(size) if len(size) else 0:+.1f} % (median), "
         f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=source),)
 
 
-def _limited(predicted: Predicted, beyond: Indices) -> tuple[Finding, ...]:
+def _limited(predicted: Predicted, beyond: Indices, across: Array) -> tuple[Finding, ...]:
     """What is said of the places (n,) whose force is followed as far as MOST_GROWTH and no farther: what is learned of set-up
-    and calibration may be more than the depth of a light cut, at an entry (CS5325)."""
+    and calibration may be more than the depth of a light cut, at an entry (CS5325). A warning where they carry more than FITS
+    of the push across (N,) [N]: then it is no entry."""
     if not len(beyond):
         return ()
     more, share = f"at {counted(len(beyond), 'target')}", f"the force is taken to change by {100 * MOST_GROWTH:.0f} % there"
     if predicted.loaded.learned is None:
         return (predicted.path.finding(int(beyond[0]), "CS4120", "note", f"{more} next to no force was logged for the step "
                                        f"that the corrected tool makes across: {share}, no more"),)
-    return (predicted.path.finding(int(beyond[0]), "CS5325", "note", f"{more} the learned displacement is deeper than the "
-                                   f"cut: {share}, no more"),)
+    many = across[beyond].sum() > FITS * across[predicted.targets].sum()
+    return (predicted.path.finding(int(beyond[0]), "CS5325", "warning" if many else "note",
+                                   f"{more} of {len(predicted.targets)} the learned displacement is deeper than the cut: "
+                                   f"{share}, no more",
+                                   "is the set-up the same (--repeats), and the cutting stiffness right?" if many else ""),)
 
 
 def _left(predicted: Predicted, growth: Array, followed: Array | float = 0.0) -> Array:

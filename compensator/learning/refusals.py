@@ -66,7 +66,7 @@ def said_of(learning: Learning, before: Array, mean: Array) -> list[Finding]:
     """Notes and warnings on what was learned."""
     from scipy.special import chdtrc
 
-    findings, source = [], learning.predicted.forces.log.source
+    findings, source = [], learning.source
     change = learning.learned.mean[:len(mean)] - mean
     chi2 = float(change @ np.linalg.solve(before + 1e-18 * np.eye(len(before)), change))
     if chdtrc(len(mean), chi2) < PULLED:
@@ -78,14 +78,14 @@ def said_of(learning: Learning, before: Array, mean: Array) -> list[Finding]:
     if motion.value + SURE * motion.std < STIFFER:
         findings.append(Finding(
             "CS5328", "warning", f"the part was off by {motion.value:.2f} +- {two_sigma(motion.std):.2g} (2 sigma) times what "
-            "the load tests let expect: a robot in motion gives way more than at rest, not less", file=learning.source,
+            "the load tests let expect: a robot in motion gives way more than at rest, not less", file=source,
             hint="are these points of the corrected part? Then its own log, and --logged-with OFFSETS.csv. Is it the deviation "
             "a side where both are meant, were places without a reading given 0, is the sensor's gain right, and the stiffness "
             "file this robot's? Do not carry it to another program else"))
     if motion.value - SURE * motion.std > SOFTER:
         findings.append(Finding(
             "CS5336", "warning", f"the part was off by {motion.value:.2f} +- {two_sigma(motion.std):.2g} (2 sigma) times what "
-            "the load tests let expect: a robot in motion gives way more than at rest, but not so much", file=learning.source,
+            "the load tests let expect: a robot in motion gives way more than at rest, but not so much", file=source,
             hint="are points and log of one and the same pass? Is the deviation of a diameter where a side is meant, is the "
             "sensor's gain right, and the stiffness file this robot's? Do not carry it to another program else"))
     size, frame = learning.learned.springs, learning.learned.frame

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ipaddress
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,8 +17,6 @@ from compensator.modbus.state import TableFiles, TableStore, locked
 from compensator.modbus.wire import Header
 from identification.common.findings import Finding
 from identification.model.cell import Cell
-
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 @dataclass(frozen=True)
@@ -62,9 +61,16 @@ async def serve_cell(
     return Served(device.commits, device.active.header if device.active else None, findings)
 
 
+def _loopback(host: str) -> bool:
+    """Whether nobody but this computer reaches the host: 127.0.0.0/8, ::1 or localhost."""
+    with contextlib.suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host == "localhost"
+
+
 def _findings(endpoint: Endpoint, state: Path | None) -> list[Finding]:
     findings = []
-    if endpoint.host not in LOOPBACK and not endpoint.tls:
+    if not endpoint.tls and not _loopback(endpoint.host):
         findings.append(Finding("CS5104", "warning", f"listening on {endpoint.host}: Modbus has no login, whoever reaches this "
                                 "port can change offsets", hint="a network of its own, or --tls-ca, --tls-cert and --tls-key"))
     if state is None:

@@ -168,13 +168,18 @@ def _compared(cell: Cell, offsets: Offsets, address: Address, *, needed: bool) -
             raise unreachable(address, reason) from reason
         warning = Finding("CS5015", "warning", f"the cell at {address} could not be asked ({reason}): not compared with the "
                           "active table", hint="start the cell, or check modbus.host and port")
-        return PushResult(offsets, address, cell.max_offset, tables_of(offsets, WINDOW_ROWS), None,
-                          (*offsets.findings, warning))
-    tables = tables_of(offsets, identity.window_rows)
-    findings = () if len(tables) == 1 else (Finding(
-        "CS5021", "note", f"{len(offsets.offset)} rows go in {len(tables)} windows of up to {identity.window_rows}: each is "
-        "active whole or not at all, the program as a whole is not"),)
-    return PushResult(offsets, address, cell.max_offset, tables, active, (*offsets.findings, *findings))
+        tables, several = _windows(offsets, WINDOW_ROWS)
+        return PushResult(offsets, address, cell.max_offset, tables, None, (*offsets.findings, *several, warning))
+    tables, several = _windows(offsets, identity.window_rows)
+    return PushResult(offsets, address, cell.max_offset, tables, active, (*offsets.findings, *several))
+
+
+def _windows(offsets: Offsets, rows: int) -> tuple[list[OffsetTable], tuple[Finding, ...]]:
+    """The tables of up to so many rows, and a note (CS5021) where they are several."""
+    tables = tables_of(offsets, rows)
+    return tables, () if len(tables) == 1 else (Finding(
+        "CS5021", "note", f"{len(offsets.offset)} rows go in {len(tables)} windows of up to {rows}: each is active whole or "
+        "not at all, the program as a whole is not", file=offsets.source),)
 
 
 def _check_limit(offsets: Offsets, identity: Identity) -> None:

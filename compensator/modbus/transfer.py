@@ -173,9 +173,11 @@ def _explained(result: int) -> str:
 
 
 def another(active: Header) -> Finding:
+    """That neither the table that was sent nor the one before is active (CS5014), but this one, or none."""
     what = f"table {active.name} with {active.rows} rows is active (read back)" if active else "no table is active (read back)"
     return Finding("CS5014", "error", f"the active table is neither this one nor the one before: {what}",
-                   hint="somebody else pushed at the same time; settle who may, then push again")
+                   hint="somebody else pushed at the same time; settle who may, then push again" if active else
+                   "the cell was restarted, and without --state it keeps no table; push again")
 
 
 def unreachable(address: Address, reason: Exception) -> Unconfirmed:

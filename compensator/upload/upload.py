@@ -196,14 +196,13 @@ def _applied(planned: UploadResult, remote: Remote, log: Path | None, say: Calla
             endings.append(load_module(remote, wanted.task, module.name, planned.path, replace=wanted.replace))
     except CompstiffError as failed:
         keep(result=failed.findings[0].message, exit_code=failed.exit_code)
-        raise
+        raise failed.beside(_not_released(planned.controller, remote)) from failed
     except KeyboardInterrupt as interrupt:
         finding = _after_interrupt(planned)
         keep(result=finding.message, exit_code=Interrupted.exit_code)
         raise Interrupted(finding) from interrupt
     keep(result="; ".join(endings), exit_code=0)
-    return replace(planned, endings=tuple(endings), findings=(
-        *planned.findings, *(() if remote.released else (_not_released(planned.controller),))))
+    return replace(planned, endings=tuple(endings), findings=(*planned.findings, *_not_released(planned.controller, remote)))
 
 
 def _after_interrupt(planned: UploadResult) -> Finding:
@@ -234,6 +233,8 @@ def _not_logged_out(controller: Controller) -> Finding:
                    "some minutes", hint="nothing to do, unless it happens often: a controller has room for a few dozen of them")
 
 
-def _not_released(controller: Controller) -> Finding:
-    return Finding("CS6124", "warning", f"{controller.url} did not confirm that mastership was given back; the logout ends it",
-                   hint="where the FlexPendant says that another has control, restart the web services or wait some minutes")
+def _not_released(controller: Controller, remote: Remote) -> tuple[Finding, ...]:
+    """That mastership may still be held (CS6124), also where loading failed."""
+    return () if remote.released else (Finding(
+        "CS6124", "warning", f"{controller.url} did not confirm that mastership was given back; the logout ends it",
+        hint="where the FlexPendant says that another has control, restart the web services or wait some minutes"),)

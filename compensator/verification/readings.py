@@ -29,6 +29,9 @@ ENOUGH, TOO_QUIET = 10, 0.1
 # No part that was milled is off by so much, RMS [m] (engineering judgement).
 FARTHEST = 1e-2
 
+# Readings of one target are averaged where their normals are no farther apart than this [degrees].
+APART_DEG = 30.0
+
 # Two passes over one part share at least this part of the smaller one's places: with fewer it is another part, or mirrored.
 FEWEST_PAIRS = 0.1
 
@@ -92,8 +95,8 @@ class Readings:
 
 def read_readings(file: Path, cell: Cell) -> Readings:
     """Reads a measured pass (docs/formats.md, verify). Raises CompstiffError: CS0201 to CS0203, CS6020 nothing measured,
-    or both kinds, CS6021 no column places the rows, CS6035 smaller than their own scatter, CS6036 in another unit, CS6039
-    what `predict` or `correct` wrote."""
+    both kinds, or one target along several normals, CS6021 no column places the rows, CS6035 smaller than their own scatter,
+    CS6036 in another unit, CS6039 what `predict` or `correct` wrote."""
     table = read_table(file, required=(), optional=("target", "path_mm", *POSITION, *DEVIATION, *SIGMA, "dn_um", "sn_um",
                                                     *NORMAL, "std_um"),
                        may_be_empty=(*DEVIATION, "dn_um", *POSITION), together=(POSITION, SIGMA, NORMAL))
@@ -134,6 +137,7 @@ def read_readings(file: Path, cell: Cell) -> Readings:
         normal = normal / length
     readings = Readings(table.source, key, place, deviation, np.where(np.isnan(deviation), np.nan, sigma), normal)
     _check_scatter(readings, table.line)
+    _check_normals(readings, table.line)
     return _in_order(readings, [*findings, *said_of_zeros(table, deviation, sigma)])
 
 
@@ -155,6 +159,22 @@ def _check_scatter(readings: Readings, line: Indices) -> None:
         raise error("CS6035", f"all {int(measured.sum())} deviations together are {relative:.2g} times their own 1 sigma, RMS: "
                     "a perfect part would show 1", file=readings.source, hint="deviations are in micrometres: in millimetres? "
                     "Were they measured? If the probe is so good, state its sx_um sy_um sz_um (sn_um)")
+
+
+def _check_normals(readings: Readings, line: Indices) -> None:
+    """Refuses readings of one target along other normals (CS6020), as of both walls of a corner: their mean is of neither."""
+    if readings.key != "target" or readings.deviation.shape[1] == 3 or readings.normal is None:
+        return
+    target = readings.place[:, 0]
+    _, first, member = np.unique(target, return_index=True, return_inverse=True)
+    alike = np.einsum("ni,ni->n", readings.normal, readings.normal[first[member.ravel()]])
+    apart = np.flatnonzero(alike < np.cos(np.radians(APART_DEG)))
+    if len(apart):
+        row = int(apart[0])
+        raise error("CS6020", f"target {target[row]:.0f} has readings along normals that are "
+                    f"{np.degrees(np.arccos(np.clip(alike[row], -1, 1))):.0f} degrees apart, expected up to {APART_DEG:g}: one "
+                    "deviation cannot be made of them", file=readings.source, line=int(line[row]),
+                    hint="place them by x_mm y_mm z_mm (planned)")
 
 
 def _placed(table: Table) -> tuple[Key, Array]:
@@ -192,8 +212,8 @@ def _in_order(readings: Readings, findings: list[Finding]) -> Readings:
     if kept.key == "target":
         _, first, member = np.unique(kept.place[:, 0], return_index=True, return_inverse=True)
         if len(first) < len(kept):
-            findings.append(Finding("CS6033", "note", f"{counted(len(kept) - len(first), 'further reading')} of the same "
-                                    "target averaged with the first", file=kept.source))
+            findings.append(Finding("CS6033", "note", f"{counted(len(kept) - len(first), 'further reading')} of a "
+                                    "target that has one: averaged with it", file=kept.source))
         known = ~np.isnan(kept.deviation)
         number, total, variance = (np.zeros((len(first), known.shape[1])) for _ in range(3))
         np.add.at(number, member, known)

@@ -173,7 +173,7 @@ def _show(session: Session, outcome: Outcome, status: str, code: int) -> int:
     if session.as_json:
         if not session.jobs:
             click.echo(json.dumps(document(session, outcome, status, code), allow_nan=False, indent=1))
-        elif code != outcome.exit_code:
+        elif code != outcome.exit_code or outcome.findings:
             # The call as a whole ended before its jobs did: a line of its own says why.
             click.echo(json.dumps(document(session, outcome, status, code), allow_nan=False))
         return code

@@ -11,12 +11,15 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+import compstiff as compstiff_api
 from compensator.correction import slot_cut
 from compensator.correction.correct import correct
 from compensator.correction.engagement import _where_it_changes
 from compensator.correction.files import Inputs, predict_files
+from compensator.correction.predict import Predicted
 from compensator.correction.settings import Estimate, Settings
 from identification.common.findings import CompstiffError
+from tests.compensator.learning.two_tracks import TwoTracks, two_tracks
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3, line
 from tests.runs.command_line.user_files import IRB6660, TOOL, Job, K
@@ -394,3 +397,46 @@ def test_a_full_slot_is_one_for_three_targets_on_either_side(
     across[12] = 170.0          # where the tool enters it
     assert np.flatnonzero(slot_cut.full_slot(nothing, np.zeros((40, 3)), across)).tolist() == [
         10 + k for k in inside if k > 5]
+
+
+@pytest.fixture(scope="module")
+def set_up(sample_inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> tuple[TwoTracks, Path]:
+    """A part that stood 0.23 mm beside its work object, across the feed, and what was learned of it."""
+    folder = tmp_path_factory.mktemp("learned")
+    tracks = two_tracks(sample_inputs, folder)
+    learning = tracks.learn(tracks.measured(folder / "points.csv", slice(None, None, 4), tracks.off + np.array([0, 230, 0])))
+    compstiff_api.write({folder / "learned.json": learning.content()}, overwrite=True)
+    return tracks, folder / "learned.json"
+
+
+@pytest.mark.parametrize(("limited", "level"), [(0, ""), (1, "note"), (4, "note"), (9, "warning")])
+def test_a_set_up_that_is_off_by_more_than_the_cut_is_told(set_up: tuple[TwoTracks, Path], limited: int, level: str) -> None:
+    """A cutting stiffness by which so many targets would meet a force that is off by more than 95 % of the logged: by
+    K (e . n) / F_n, n along the force's part across the feed. A warning where they carry over 5 % of all the push across."""
+    tracks, learned = set_up
+
+    def predicted(newton_per_metre: float) -> Predicted:
+        cell = compstiff_api.read_cell(tracks.inputs.cell)
+        return compstiff_api.predict(
+            cell, compstiff_api.read_toolpath(tracks.inputs.toolpath, cell), tracks.model, tracks.inputs.forces, Settings.of(
+                cutting_stiffness=Estimate(newton_per_metre, 0.0), learned=learned, repeats="setup"))
+
+    planned = predicted(1.0)
+    targets = planned.targets
+    feed = np.gradient(planned.path.base_from_tcp.position, axis=0)[targets]
+    feed /= np.linalg.norm(feed, axis=1)[:, None]
+    force = planned.forces.wrench[targets, :3]
+    across = force - np.einsum("ni,ni->n", force, feed)[:, None] * feed
+    push = np.linalg.norm(across, axis=1)
+    share = np.abs(np.einsum("ni,ni->n", planned.prediction.position, across)) / push**2
+    order = np.argsort(-share)
+    stiffness = 0.95 / np.sqrt(share[order[limited]] * share[order[max(limited - 1, 0)]]) if limited else 0.949 / share.max()
+    beyond = order[:limited]
+    assert (push[beyond].sum() > 0.05 * push.sum()) == (level == "warning")
+    found = [finding for finding in correct(predicted(stiffness)).findings if finding.code == "CS5325"]
+    first = int(targets[beyond].min()) if limited else -1
+    assert [(one.level, one.target, one.file) for one in found] == (
+        [(level, first, str(tracks.inputs.toolpath))] if limited else [])
+    assert not found or found[0].message.startswith(
+        f"at {limited} target{'s' * (limited > 1)} of 122 the learned displacement is deeper than the cut: ")
+    assert not found or (found[0].line, "--repeats" in found[0].hint) == (25 + first, level == "warning")

@@ -11,8 +11,11 @@ import pytest
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
 from compensator.learning.measured_points import read_points
-from compensator.learning.path_places import STEP, place_points
+from compensator.learning.path_places import STEP, PathPlaces, place_points
+from compensator.learning.rows import rows_of
+from identification.common.findings import CompstiffError, Finding
 from identification.model.cell import read_cell
+from tests.compensator.learning.two_tracks import DEPTH, TwoTracks, two_tracks, written
 
 SPEED = "vAir,fine,tSpindle"
 POSE = "[0,0,1,0],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
@@ -42,3 +45,109 @@ def test_points_between_targets_stand_half_way(sample_inputs: Inputs, tmp_path: 
     assert predicted.targets[placed.before].tolist() == before.tolist()
     step = np.linalg.norm(position[before + 1] - position[before], axis=1)
     assert np.abs((placed.share - 0.5) * step).max() <= 0.5 * STEP + 1e-9
+
+
+@pytest.fixture(scope="module")
+def tracks(sample_inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> TwoTracks:
+    return two_tracks(sample_inputs, tmp_path_factory.mktemp("tracks"))
+
+
+def placed_beside(tracks: TwoTracks, file: Path, odd: list[tuple[float, float]], named: float = np.nan) -> PathPlaces:
+    """Ten points on the tracks, and these (x, y) [mm] at their depth; named: the target that each of these names."""
+    rows = [[x, 0, DEPTH, 5, np.nan] for x in range(10, 20)] + [[x, y, DEPTH, 5, named] for x, y in odd]
+    points = read_points(written(file, "x_mm,y_mm,z_mm,dx_um,target", np.array(rows)), read_cell(tracks.inputs.cell))
+    return place_points(points, tracks.predicted, 0.0, 4e-3 if odd[0][1] > 0 else 1e-3)
+
+
+def left_out(placed: PathPlaces, code: str) -> list[Finding]:
+    return [finding for finding in placed.findings if finding.code == code]
+
+
+def test_points_off_the_path_are_left_out(tracks: TwoTracks, tmp_path: Path) -> None:
+    """The nearest two are within 1 mm of a track, of which the steps are a quarter of a millimetre long."""
+    odd = [(20.0, -0.9), (30.0, -0.99), (40.0, -1.01), (50.0, -2.5)]
+    placed = placed_beside(tracks, tmp_path / "p.csv", odd)
+    assert sorted(placed.rows) == [*range(12)]
+    [finding] = left_out(placed, "CS5305")
+    assert (finding.level, finding.file, finding.line) == ("warning", str(tmp_path / "p.csv"), 14)
+    assert finding.message == "2 points of 14 more than 1 mm from the cutting path (the farthest 2.5 mm): left out"
+    assert not left_out(placed_beside(tracks, tmp_path / "p.csv", odd[:2]), "CS5305")
+
+
+@pytest.mark.parametrize(("x", "y", "said"), [
+    (30.0, 2.7, False), (30.0, 2.8, True), (30.0, 3.2, True), (30.0, 3.3, False),       # as near within 0.5 mm
+    (54.6, 2.9, True), (56.0, 2.9, False)])
+def test_points_that_two_places_may_have_cut_are_left_out(tracks: TwoTracks, tmp_path: Path, x: float, y: float, said: bool):
+    """Where the way from one to the other is over four distances and 5 mm long: 16.6 mm at 2.9 mm, which is the way round the
+    end from 4.7 mm before it, and a circle of 3.4 mm about the point reaches 1.4 mm farther."""
+    placed = placed_beside(tracks, tmp_path / "p.csv", [(x, y)])
+    found = left_out(placed, "CS5306")
+    assert (10 in placed.rows) == (not said)
+    assert [(finding.level, finding.line, finding.message) for finding in found] == ([(
+        "warning", 12, "1 point of 11 are as near to two places of the path: which one cut them is not known: left out")]
+        if said else [])
+    # The target that it names says which.
+    placed = placed_beside(tracks, tmp_path / "p.csv", [(x, y)], named=1 + np.round(x))
+    assert 10 in placed.rows
+    assert not left_out(placed, "CS5306")
+
+
+@pytest.mark.parametrize(("target", "said"), [(0, True), (1, True), (2, False), (122, False), (123, True)])
+def test_points_of_targets_to_which_nothing_was_cut_are_left_out(
+    tracks: TwoTracks, tmp_path: Path, target: int, said: bool
+) -> None:
+    """The log has a force from target 1 to 122: the moves to 2 ... 122 cut."""
+    placed = placed_beside(tracks, tmp_path / "p.csv", [(0.0, 0.5)], named=target)
+    assert (10 in placed.rows) == (not said)
+    assert [(finding.file, finding.line, finding.message) for finding in left_out(placed, "CS5307")] == ([(
+        str(tmp_path / "p.csv"), 12, "1 point of 11 were cut where the log shows no force: left out")] if said else [])
+
+
+@pytest.mark.parametrize("radius", [0.0, 8.0])
+def test_a_radius_needs_to_know_the_side(tracks: TwoTracks, tmp_path: Path, radius: float) -> None:
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,dx_um", np.array([[x, 0, DEPTH, 5] for x in range(20)])),
+                         read_cell(tracks.inputs.cell))
+    if not radius:
+        assert len(place_points(points, tracks.predicted, 0.0, 1e-3).rows) == 20
+        # The surface is 8 mm beside the track, which is on the side to which its normal points.
+        surface = np.array([[x, -8, DEPTH, 0, 1, 0, 5] for x in range(20)])
+        points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,nx,ny,nz,dn_um", surface),
+                             read_cell(tracks.inputs.cell))
+        placed = place_points(points, tracks.predicted, 8e-3, 1e-3)
+        np.testing.assert_allclose(tracks.place[placed.before][:, 0] + placed.share, np.arange(20), atol=0.13)
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        place_points(points, tracks.predicted, 1e-3 * radius, 1e-3)
+    [finding] = stopped.value.findings
+    assert (finding.code, finding.file) == ("CS5304", str(tmp_path / "p.csv"))
+    assert "no normal on which side" in finding.message
+
+
+def test_points_of_a_program_that_cuts_in_two_work_objects_are_not_placed(
+    sample_inputs: Inputs, tracks: TwoTracks, tmp_path: Path
+) -> None:
+    """Though both stand in the same place: the points do not say which is theirs."""
+    two = two_tracks(sample_inputs, tmp_path, second_object=True)
+    np.testing.assert_allclose(two.place, tracks.place)
+    file = two.measured(tmp_path / "p.csv", slice(None), two.off)
+    points = read_points(file, read_cell(two.inputs.cell))
+    assert len(place_points(points, tracks.predicted, 0.0, 1e-3).rows) == 122
+    with pytest.raises(CompstiffError) as stopped:
+        place_points(points, two.predicted, 0.0, 1e-3)
+    [finding] = stopped.value.findings
+    assert (finding.code, finding.file) == ("CS5304", str(two.inputs.toolpath))
+    assert "several work objects" in finding.message
+
+
+@pytest.mark.parametrize("count", [140, 141])
+def test_more_points_than_the_work_is_done_with_are_averaged(tracks: TwoTracks, tmp_path: Path, count: int) -> None:
+    """The readings of two points that stand together get one mean, whose noise is less by the root of two."""
+    x = np.concatenate([np.linspace(1, 59, 70), np.linspace(1, 59, count - 70)])
+    y = np.repeat([0.0, 6.0], [70, count - 70])
+    table = np.column_stack([x, y, np.full(count, DEPTH), np.arange(count), np.full(count, 4.0)])
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,dx_um,std_um", table), read_cell(tracks.inputs.cell))
+    rows = rows_of(points, place_points(points, tracks.predicted, 0.0, 1e-3), tracks.predicted)
+    assert (len(rows.position), rows.value.sum()) == (140, pytest.approx(1e-6 * np.arange(count).sum(), rel=0.02))
+    assert [(one.code, one.level, one.message, one.file) for one in rows.findings] == ([] if count == 140 else [
+        ("CS5308", "note", "141 points are averaged to 140 places along the path", str(tmp_path / "p.csv"))])
+    assert sorted(1e6 * rows.sigma)[0] == pytest.approx(4 if count == 140 else 4 / np.sqrt(2))

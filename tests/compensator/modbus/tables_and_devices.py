@@ -18,7 +18,7 @@ from compensator.modbus.registers import Command
 from compensator.modbus.state import TableFiles, TableStore
 from compensator.modbus.transfer import OLD, UNKNOWN, identify, push_table
 from compensator.modbus.wire import OffsetTable, to_registers
-from identification.common.findings import Refused, Unconfirmed
+from identification.common.findings import Finding, Refused, Unconfirmed
 
 ROBOT = "irb6660-205-1.90"
 LIMIT_UM = 2000
@@ -54,10 +54,11 @@ def load(device: OffsetDevice, table: OffsetTable) -> None:
 
 @dataclass(frozen=True)
 class Ending:
-    """How a push ended: its exit code and what it said."""
+    """How a push ended: its exit code and what it said, with its finding where it was stopped."""
 
     code: int
     text: str
+    finding: Finding | None = None
 
 
 def push(
@@ -71,7 +72,7 @@ def push(
         except (LinkLost, ExceptionReply) as reason:
             return Ending(4, f"{UNKNOWN}: {reason}")
         except (Refused, Unconfirmed) as stopped:
-            return Ending(stopped.exit_code, stopped.findings[0].message)
+            return Ending(stopped.exit_code, stopped.findings[0].message, stopped.findings[0])
 
 
 def rows_on_disk(folder: Path) -> list[list[int]] | None:

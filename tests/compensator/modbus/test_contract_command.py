@@ -1,5 +1,6 @@
 """`push` and `cell` as a user calls them: what they print, write and answer, exit code by exit code."""
 
+import asyncio
 import hashlib
 import json
 import socket
@@ -11,7 +12,9 @@ import pytest
 from click.testing import CliRunner
 
 import compstiff as compstiff_api
-from compensator.modbus.server import Loopback
+from compensator.modbus import registers as at
+from compensator.modbus.embedded import Served, serve_cell
+from compensator.modbus.server import Endpoint, Loopback
 from compstiff.cli.push import push
 from tests.compensator.modbus import tables_and_devices as kit
 from tests.support import compstiff_process, free_port, started
@@ -39,6 +42,13 @@ def call(*arguments: object) -> tuple[int, dict]:
     seen = ["--any-program"] if "--apply" in arguments and "--program" not in arguments else []
     done = CliRunner().invoke(push, [*map(str, arguments), *seen, "--json"])
     return done.exit_code, json.loads(done.stdout)
+
+
+async def listen(cell, endpoint: Endpoint) -> Served:
+    """Serves the cell, and stops at once."""
+    stop = asyncio.Event()
+    stop.set()
+    return await serve_cell(cell, endpoint, None, stop)
 
 
 @pytest.fixture
@@ -147,6 +157,54 @@ def test_empty_offsets_go_as_zero_and_the_turn_not_sent_is_said(tmp_path):
     assert "20 mm from it up to 17.5 um" in said["CS5005"]
 
 
+@pytest.mark.parametrize(("header", "turn", "code"), [
+    ("", "", "CS5007"), (",orx_deg,ory_deg,orz_deg", ",,,", "CS5007"), (",orx_deg,ory_deg,orz_deg", ",0,0,0", "CS5005")])
+def test_a_turn_that_the_file_does_not_say_is_not_taken_for_none(tmp_path, header, turn, code):
+    """No columns, empty ones, and one target of two that says it."""
+    file = tmp_path / "offsets.csv"
+    file.write_text(f"target,ox_mm,oy_mm,oz_mm{header}\n0,0.1,0,0{turn}\n1,0.1,0,0{',,,' if header else ''}\n")
+    findings = compstiff_api.read_offsets(file, reach_mm=10.0).findings
+    assert [(finding.code, finding.level, finding.file) for finding in findings] == [(code, "note", str(file))]
+    assert ("the error that leaves is not known" in findings[0].message) == (code == "CS5007")
+
+
+@pytest.mark.parametrize(("rows", "windows"), [(100, 0), (101, 2), (250, 3)])
+def test_a_program_that_goes_in_several_windows_is_told_so(tmp_path, rows, windows):
+    file = offsets_csv(tmp_path, rows_mm(kit.random_table(1, rows=rows)))
+    with Loopback(kit.offset_device(window_rows=100)) as server:
+        code, document = call(cell_yaml(tmp_path, server.port), file)
+    said = [(finding["level"], finding["message"], finding["file"]) for finding in document["findings"]
+            if finding["code"] == "CS5021"]
+    assert (code, len(document["result"]["tables"])) == (0, max(windows, 1))
+    assert said == ([("note", f"{rows} rows go in {windows} windows of up to 100: each is active whole or not at all, the "
+                      "program as a whole is not", str(file))] if windows else [])
+
+
+@pytest.mark.parametrize(("rows", "told"), [(20_000, False), (20_001, True)])
+def test_windows_are_told_also_where_the_cell_is_not_asked(tmp_path, rows, told):
+    cell = compstiff_api.read_cell(cell_yaml(tmp_path, 1))
+    offsets = compstiff_api.read_offsets(offsets_csv(tmp_path, [[target, 0, 0, 0] for target in range(rows)]), reach_mm=10.0)
+    planned = compstiff_api.push(cell, offsets, compstiff_api.Address("127.0.0.1", free_port(), 1))
+    said = {finding.code: finding.message for finding in planned.findings}
+    assert ("CS5021" in said, "CS5015" in said) == (told, True)
+    assert not told or "20001 rows go in 2 windows of up to 20000" in said["CS5021"]
+
+
+def test_a_busy_cell_is_waited_for_as_long_as_patience_says(tmp_path):
+    """Another writer's transfer, until it has been silent for a second."""
+    device = kit.offset_device(lease_s=1.0)
+    with Loopback(device) as server:
+        described, file = cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, rows_mm(kit.random_table(2)))
+        other = kit.random_table(3).header.registers()
+        device.write(at.COMMAND, [at.Command.BEGIN, *other])
+        code, document = call(described, file, "--apply", "--patience", "0.01")
+        [busy] = [finding for finding in document["findings"] if finding["level"] == "error"]
+        assert (code, busy["code"], device.active) == (4, "CS5013", None)
+        assert busy["message"] == "the cell is busy: another writer's transfer is under way; old table active (read back): none"
+        assert call(described, file, "--apply", "--patience", "60")[0] == 0
+    assert device.active.header == kit.random_table(2).header
+
+
 def test_the_receiver_is_written_by_the_dry_run_and_not_in_the_way_of_the_same_call_with_apply(tmp_path):
     device, module = kit.offset_device(), tmp_path / "receiver.mod"
     with Loopback(device) as server:
@@ -244,6 +302,16 @@ def test_the_cell_stops_on_signals_and_warns_where_it_is_open(tmp_path):
         document = json.loads(stdout)
         assert (process.returncode, document["exit_code"]) == (code, code)
         assert [finding["code"] for finding in document["findings"]] == ["CS5106"]
+
+
+@pytest.mark.parametrize(("host", "told"), [
+    ("127.0.0.1", False), ("127.0.0.2", False), ("localhost", False), ("0.0.0.0", True)])
+def test_a_cell_that_the_network_reaches_is_told(tmp_path, host, told):
+    served = asyncio.run(listen(compstiff_api.read_cell(cell_yaml(tmp_path, 1)), Endpoint(host, 0)))
+    said = {finding.code: finding for finding in served.findings}
+    assert ("CS5104" in said, "CS5106" in said) == (told, True)
+    assert not told or (said["CS5104"].level, said["CS5104"].message) == (
+        "warning", "listening on 0.0.0.0: Modbus has no login, whoever reaches this port can change offsets")
 
 
 def test_ctrl_c_while_a_push_waits_says_what_is_active(tmp_path):

@@ -10,6 +10,7 @@ from compensator.modbus import registers as at
 from compensator.modbus.link import Address, Link
 from compensator.modbus.registers import Command, Robot
 from compensator.modbus.server import Loopback
+from compensator.modbus.state import TableStore
 from compensator.modbus.wire import split
 from tests.compensator.modbus import tables_and_devices as kit
 from tests.compensator.modbus.proxy import Fault, Proxy
@@ -44,6 +45,8 @@ def test_another_writer_in_between(tmp_path, request_number, whole):
         else:
             assert (ending.code, active) == (3, kit.offsets_of(other))
             assert f"table {other.header.name} with 90 rows is active (read back)" in ending.text
+            assert ending.finding.code == "CS5014"
+            assert "somebody else pushed" in ending.finding.hint
         assert kit.push(server.port, new).code == 0
         assert kit.rows_on_disk(tmp_path) == kit.offsets_of(new)
 
@@ -148,3 +151,23 @@ def test_a_killed_and_restarted_cell(tmp_path, kind, request_number, retries):
         with Link(Address("127.0.0.1", device.port, 1)) as link:
             assert link.read(at.ACTIVE, 11) == new.header.registers()
         assert kit.push(device.port, new, timeout_s=5).text == "already active"
+
+
+@pytest.mark.parametrize(("kept", "code"), [(True, 0), (False, 3)])
+def test_a_cell_that_lost_its_table_is_told_from_another_writer(tmp_path, kept, code):
+    """Restarted after the commit, before it is read back: without its files it has no table at all."""
+    device, old, new = kit.offset_device(tmp_path), kit.random_table(1), kit.random_table(2)
+    kit.load(device, old)
+
+    def restart() -> None:
+        device.__init__(device.store if kept else TableStore(), kit.LIMIT_UM, kit.ROBOT)  # type: ignore[misc]
+
+    with Loopback(device) as server, Proxy(server.port, 0) as proxy:
+        proxy.arm(Fault("before request", kit.READ_BACK), restart)
+        ending = kit.push(proxy.port, new, retries=0)
+    assert (proxy.fired, ending.code) == (True, code)
+    if code:
+        assert ending.finding.code == "CS5014"
+        assert ending.text == "the active table is neither this one nor the one before: no table is active (read back)"
+        assert "the cell was restarted" in ending.finding.hint
+        assert "somebody" not in ending.finding.hint

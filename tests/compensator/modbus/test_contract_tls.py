@@ -1,14 +1,17 @@
 """Modbus/TCP Security: certificates on both sides, and nobody else."""
 
+import asyncio
 import ssl
 import time
 
 import pytest
 import trustme
 
-from compensator.modbus.server import Loopback
+from compensator.modbus.embedded import serve_cell
+from compensator.modbus.server import Endpoint, Loopback
 from compensator.modbus.tls import TlsFiles
 from identification.common.findings import CompstiffError
+from identification.model.cell import read_cell
 from tests.compensator.modbus import tables_and_devices as kit
 
 
@@ -42,6 +45,19 @@ def test_a_push_over_tls(tmp_path, certificates):
             assert kit.push(server.port, kit.random_table(2), timeout_s=60.0, retries=0, tls=context).code == 4
             assert time.monotonic() - before < 30, "nobody refused it: its time was up"
     assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(table)
+
+
+def test_a_cell_that_knows_its_clients_may_be_open_to_the_network(tmp_path, certificates):
+    """Without TLS the same host is warned of (test_contract_command.py)."""
+    (tmp_path / "cell.yaml").write_text(f"robot: {kit.ROBOT}\ntool: {{position_mm: [120, 0, 250]}}\n")
+
+    async def listen():
+        stop = asyncio.Event()
+        stop.set()
+        return await serve_cell(read_cell(tmp_path / "cell.yaml"), Endpoint("0.0.0.0", 0, 1, certificates["127.0.0.1"]), None,
+                                stop)
+
+    assert [finding.code for finding in asyncio.run(listen()).findings] == ["CS5106"]
 
 
 def test_a_client_refuses_a_cell_it_cannot_trust(certificates):

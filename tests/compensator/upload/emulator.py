@@ -28,7 +28,7 @@ class RobotController:
     """What the controller holds. files: by path from the root ($HOME or HOME); tasks: execution state and modules of each;
     holder: the session that has mastership, "other" for somebody else; a logout alone does not give it back. log: every
     request below its login; executing: what the controller as a whole says. sick: statuses with which the next requests to a
-    resource are answered."""
+    resource, with its query or without, are answered; 200: as if it were done; 0: as they are."""
 
     generation: int = 1
     files: dict[str, bytes] = field(default_factory=dict)
@@ -196,9 +196,12 @@ class _Handler(BaseHTTPRequestHandler):
                 self.cookies = [f"-http-session-={session}; path=/; {controller.cookie_domain}httponly",
                                 "ABBCX=29; path=/; secure"]
             controller.log.append((self.command, unquote(self.path)))
-            if statuses := controller.sick.get((self.command, unquote(path))):
-                self._refuse(_Refused(statuses.pop(0), -1073414144, "out of order"))
-                return
+            asked = unquote(path), unquote(self.path)
+            if statuses := next(filter(None, (controller.sick.get((self.command, one)) for one in asked)), None):
+                status = statuses.pop(0)
+                if status:
+                    self._refuse(_Refused(status, -1073414144, "out of order"))
+                    return
             try:
                 if len(body) < wanted and self.command != "PUT":
                     self.close_connection = True

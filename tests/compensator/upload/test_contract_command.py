@@ -193,6 +193,144 @@ def test_passing_errors_are_asked_again_and_others_are_not(controller, cell, tmp
     assert controller.log.count(part) == 1
 
 
+def release_of(controller) -> tuple[str, str]:
+    """The request that gives mastership back."""
+    return "POST", "/rw/mastership/" + ("rapid?action=release" if controller.generation == 1 else "edit/release")
+
+
+def load_of(controller) -> tuple[str, str]:
+    """The request that loads a module."""
+    return "POST", "/rw/rapid/tasks/T_ROB1" + ("?action=loadmod" if controller.generation == 1 else "/loadmod")
+
+
+@pytest.mark.parametrize(("failures", "codes"), [(1, []), (2, ["CS6119"])])
+def test_a_logout_that_is_not_confirmed_is_told(controller, cell, tmp_path, failures, codes):
+    """With one repetition: the second failure is one too many. What was asked for is done all the same."""
+    file = kit.write_module(tmp_path)
+    controller.sick = {("GET", "/logout"): [503] * failures}
+    done = kit.call(cell, file, "--apply", "--retries", 1)
+    controller.sessions.clear()
+    assert (done.code, done.codes, controller.files[kit.new_path(file)]) == (0, codes, file.read_bytes())
+    assert [finding["level"] for finding in done.document["findings"]] == ["warning"] * len(codes)
+    assert ("127.0.0.1" in done.message) == ("did not confirm the logout" in done.message) == bool(codes)
+
+
+@pytest.mark.parametrize(("failures", "codes"), [(3, []), (4, ["CS6124"])])
+def test_mastership_that_may_still_be_held_is_told(controller, cell, tmp_path, failures, codes):
+    """With one repetition it is asked twice in each of two rounds."""
+    file = kit.write_module(tmp_path)
+    controller.sick = {release_of(controller): [503] * failures}
+    done = kit.call(cell, file, "--apply", "--load", "T_ROB1", "--retries", 1)
+    assert (done.code, done.codes, controller.loaded()["Insert"]) == (0, codes, file.read_bytes())
+    assert (controller.holder is not None) == bool(codes)
+    assert ("did not confirm that mastership was given back" in done.message) == bool(codes)
+    controller.holder = None
+
+
+@pytest.mark.parametrize(("failures", "codes"), [(3, ["CS6115"]), (4, ["CS6115", "CS6124"])])
+def test_mastership_that_may_still_be_held_is_told_where_nothing_was_loaded(
+    controller, cell, tmp_path, monkeypatch, failures, codes
+):
+    """RAPID starts after the look."""
+    from compensator.upload.remote import Remote
+
+    request = Remote.mastership
+
+    def started(self):
+        controller.executing = "running"
+        return request(self)
+
+    monkeypatch.setattr(Remote, "mastership", started)
+    controller.sick = {release_of(controller): [503] * failures}
+    done = kit.call(cell, kit.write_module(tmp_path), "--apply", "--load", "T_ROB1", "--retries", 1)
+    assert (done.code, done.codes, "Insert" in controller.loaded()) == (3, codes, False)
+    controller.holder = None
+
+
+def test_a_load_that_is_not_confirmed_is_told_with_what_may_be_loaded(controller, cell, tmp_path):
+    """The controller says that it loads a module and does not list it; then it fails while it exchanges one, and says only in
+    the end that it did not."""
+    file, load = kit.write_module(tmp_path), load_of(controller)
+    controller.sick = {load: [200]}
+    done = kit.call(cell, file, "--apply", "--load", "T_ROB1")
+    assert (done.code, done.codes, "Insert" in controller.loaded()) == (4, ["CS6118"], False)
+    assert done.message == ("loading was not confirmed (the controller does not list Insert in T_ROB1); the new file is there, "
+                            "whole (read back); state unknown: the module may be loaded or not, whole")
+    assert "--replace" in done.document["findings"][0]["hint"]
+    controller.loaded()["Insert"] = b"MODULE Insert ENDMODULE"
+    again = (cell, file, "--apply", "--load", "T_ROB1", "--replace")
+    for status, ending in ((503, (4, ["CS6118"])), (403, (3, ["CS6113"])), (None, (0, []))):
+        controller.sick = {load: [status] if status else []}
+        done = kit.call(*again)
+        assert (done.code, done.codes) == ending
+        assert ("state unknown: the module that is loaded is the one before or the new one, whole" in done.message) == (
+            done.codes == ["CS6118"])
+    assert controller.loaded()["Insert"] == file.read_bytes()
+
+
+@pytest.mark.parametrize(("of_load", "reason"), [([], "HTTP 503"), ([502], "HTTP 502")])
+def test_a_load_after_which_nothing_can_be_seen_is_told_by_its_first_reason(controller, cell, tmp_path, of_load, reason):
+    """The tasks are asked for before it, under mastership, and after it."""
+    controller.sick = {load_of(controller): [*of_load], ("GET", "/rw/rapid/tasks"): [0, 0, 503]}
+    done = kit.call(cell, kit.write_module(tmp_path), "--apply", "--load", "T_ROB1", "--retries", 0)
+    assert (done.code, done.codes, "Insert" in controller.loaded()) == (4, ["CS6118"], not of_load)
+    assert f"loading was not confirmed ({reason}: " in done.message
+
+
+class Disk(dict):
+    """Files of which one keeps no more than so many bytes; read, a file may come spoilt so many times."""
+
+    def __init__(self, space: int = 1 << 20, ending: str = "", spoilt: int = 0) -> None:
+        super().__init__()
+        self.space, self.ending, self.spoilt = space, ending, spoilt
+
+    def __setitem__(self, name: str, content: bytes) -> None:
+        super().__setitem__(name, content[:self.space])
+
+    def __getitem__(self, name: str) -> bytes:
+        content = super().__getitem__(name)
+        if self.ending and name.endswith(self.ending) and self.spoilt:
+            self.spoilt -= 1
+            return content[:-1] + b"?"
+        return content
+
+
+@pytest.mark.parametrize(("missing", "code"), [(0, 0), (1, 4)])
+def test_a_file_that_does_not_fit_is_told_and_does_not_get_its_name(controller, cell, tmp_path, missing, code):
+    file = kit.write_module(tmp_path)
+    controller.files = Disk(len(file.read_bytes()) - missing)
+    done = kit.call(cell, file, "--apply", "--load", "T_ROB1")
+    assert (done.code, list(controller.files)) == (code, [] if missing else [kit.new_path(file)])
+    if missing:
+        [finding] = done.document["findings"]
+        assert (finding["code"], "Insert" in controller.loaded()) == ("CS6112", False)
+        assert finding["message"] == (f"what is read back of {kit.new_path(file)}.part is not what was sent; the new file is "
+                                      "not there, what was there is as it was")
+        assert "free some space" in finding["hint"]
+
+
+def test_what_is_half_written_and_cannot_be_deleted_is_named(controller, cell, tmp_path):
+    file = kit.write_module(tmp_path)
+    part = f"{kit.new_path(file)}.part"
+    controller.files = Disk(10)
+    controller.sick = {("DELETE", f"/fileservice/{'$' if controller.generation == 1 else ''}{part}"): [403]}
+    done = kit.call(cell, file, "--apply")
+    assert (done.codes, list(controller.files)) == (["CS6112"], [part])
+    assert done.message.endswith(f"({part} may be left)")
+    controller.files.clear()
+
+
+@pytest.mark.parametrize(("ending", "spoilt", "code"), [(".part", 1, 0), (".part", 2, 4), (".mod", 1, 0), (".mod", 2, 4)])
+def test_what_comes_back_spoilt_is_read_once_more(controller, cell, tmp_path, ending, spoilt, code):
+    file = kit.write_module(tmp_path)
+    controller.files = Disk(ending=ending, spoilt=spoilt)
+    done = kit.call(cell, file, "--apply", "--load", "T_ROB1")
+    assert (done.code, done.codes) == (code, ["CS6112"] if code else [])
+    assert ("Insert" in controller.loaded()) == (not code)
+    assert ("do not load it" in done.text) == (ending == ".mod" and bool(code))
+    assert f"what is read back of {kit.new_path(file)}{'.part' * (ending == '.part')} is not" in done.message or not code
+
+
 def test_nobody_there(tmp_path):
     file, cell = kit.write_module(tmp_path), kit.cell_yaml(tmp_path, 9)
     dry = kit.call(cell, file, "--retries", 0)

@@ -325,6 +325,67 @@ def test_places_on_the_surface_are_those_of_the_tool_beside_it(passes: dict[str,
     assert 1.2 < low < 1.25 < high < 1.3
 
 
+@pytest.mark.parametrize(("name", "radius", "refused"), [
+    ("before", 8, True), ("normal", 8, True), ("places", 8, True), ("normal", 0, False)])
+def test_a_radius_asks_for_places_and_their_normals(passes: dict[str, Path], name: str, radius: float, refused: bool) -> None:
+    """Targets, targets with normals, and places without; the test above has both."""
+    result = verify(passes["cell"], passes[name], passes[name], "--predicted", passes["predicted"], "--json",
+                    *(["--tool-radius-mm", radius] if radius else []))
+    assert result.exit_code == int(refused), result.output
+    told = [finding for finding in json.loads(result.stdout)["findings"] if finding["level"] == "error"]
+    assert [(finding["code"], finding["file"]) for finding in told] == ([("CS5304", str(passes[name]))] if refused else [])
+
+
+def test_rows_without_a_number_are_left_out_and_counted(tmp_path: Path) -> None:
+    """One component of three is a measured row."""
+    cell, file = read_cell(write_cell(tmp_path)), tmp_path / "pass.csv"
+    file.write_text("target,dx_um,dy_um,dz_um\n0,5,,\n1,5,6,7\n")
+    whole = read_readings(file, cell)
+    assert (len(whole), "CS6032" in {finding.code for finding in whole.findings}) == (2, False)
+    file.write_text("target,dx_um,dy_um,dz_um\n0,5,,\n2,,,\n1,5,6,7\n3,,,\n")
+    left = read_readings(file, cell)
+    assert left.place.tolist() == [[0.0], [1.0]]
+    [finding] = [finding for finding in left.findings if finding.code == "CS6032"]
+    assert (finding.level, finding.message, finding.file) == ("note", "2 rows without a measured component left out", str(file))
+
+
+def test_readings_of_one_target_are_averaged_and_counted(tmp_path: Path) -> None:
+    """The mean of those that there are, with the sigma of a mean: of 3 and 4 um the half of 5 um."""
+    cell, file = read_cell(write_cell(tmp_path)), tmp_path / "pass.csv"
+    file.write_text("target,dx_um,dy_um,sx_um,sy_um,sz_um\n7,4,1,3,2,1\n3,10,2,1,2,1\n7,8,,4,2,1\n")
+    read = read_readings(file, cell)
+    assert read.place.tolist() == [[3.0], [7.0]]
+    np.testing.assert_allclose(1e6 * read.deviation[:, :2], [[10, 2], [6, 1]])
+    np.testing.assert_allclose(1e6 * read.sigma[:, :2], [[1, 2], [2.5, 2]])
+    [finding] = [finding for finding in read.findings if finding.code == "CS6033"]
+    assert (finding.level, finding.file) == ("note", str(file))
+    assert finding.message == "1 further reading of a target that has one: averaged with it"
+    file.write_text("path_mm,dx_um\n7,4\n7,8\n")          # at one place, but not of one target
+    assert (len(read_readings(file, cell)), "CS6033" in {one.code for one in read_readings(file, cell).findings}) == (2, False)
+    file.write_text("target,dx_um\n7,4\n8,8\n")
+    assert "CS6033" not in {one.code for one in read_readings(file, cell).findings}
+
+
+@pytest.mark.parametrize("degrees", [0, 29, 31, 90, 180])
+def test_readings_of_one_target_along_other_normals_are_not_one(tmp_path: Path, degrees: float) -> None:
+    """Of two walls of a corner, or of a rib: their mean is nobody's deviation. Of all components it is, whatever the normal."""
+    cell, file = read_cell(write_cell(tmp_path)), tmp_path / "pass.csv"
+    along = f"{np.cos(np.radians(degrees)):.6f},{np.sin(np.radians(degrees)):.6f},0"
+    file.write_text(f"target,dx_um,nx,ny,nz\n7,40,1,0,0\n7,-40,{along}\n")
+    np.testing.assert_allclose(read_readings(file, cell).deviation[0, 0], 0, atol=1e-12)
+    file.write_text(f"path_mm,dn_um,nx,ny,nz\n7,40,1,0,0\n7,-40,{along}\n")
+    assert len(read_readings(file, cell)) == 2
+    file.write_text(f"target,dn_um,nx,ny,nz\n7,40,1,0,0\n9,10,0,0,1\n7,-40,{along}\n")
+    if degrees < 30:
+        np.testing.assert_allclose(1e6 * read_readings(file, cell).deviation, [[0], [10]], atol=1e-9)
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read_readings(file, cell)
+    [finding] = stopped.value.findings
+    assert (finding.code, finding.line) == ("CS6020", 4)
+    assert f"target 7 has readings along normals that are {degrees:g} degrees apart" in finding.message
+
+
 def test_how_far_the_nearest_target_is_is_said(passes: dict[str, Path], tmp_path: Path) -> None:
     rows = np.loadtxt(passes["places"], delimiter=",", skiprows=1) + np.array([0, 0, 8, 0, 0, 0])
     points = csv(tmp_path, "beside.csv", "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um", rows)

@@ -15,6 +15,8 @@ import pytest
 from compensator.correction.files import Outputs
 from compstiff.batch.pairing import ProgramFiles, no_log
 from compstiff.batch.programs import ProgramResult
+from compstiff.cli import correct_batch
+from compstiff.outcome import Session
 from tests.compstiff.batch.programs import HARMLESS, Shop, shop
 from tests.support import started
 
@@ -124,12 +126,35 @@ def test_ctrl_c_finishes_what_is_under_way(place: Shop, processes: int) -> None:
         stdout = running.stdout.read()
         assert running.stderr.read() == ""
         assert running.wait(timeout=300) == 130
-    reported = [json.loads(line) for line in [first, *stdout.splitlines()]]
+    *reported, whole = [json.loads(line) for line in [first, *stdout.splitlines()]]
     assert {line["status"] for line in reported} == {"ok"}
+    assert (whole["status"], whole["exit_code"]) == ("interrupted", 130)
+    [finding] = whole["findings"]
+    assert (finding["code"], finding["level"]) == ("CS6011", "error")
+    assert finding["message"] == f"interrupted: {len(reported)} of 40 programs dealt with, no further one was begun"
     assert len(reported) < len(names)
     # Every program that was written was reported, and the other way round.
     assert {Path(line["output"]).name for line in reported} == {path.name for path in out.glob("*.mod")}
     assert not list(out.glob(".*"))
+
+
+@pytest.mark.parametrize("after", [1, 2, 3])
+def test_ctrl_c_is_told_where_programs_are_left(place: Shop, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
+    """Not where it comes after the last one: then all is done."""
+    place.put("a", "b", "c")
+    shown, show = [], correct_batch._show
+
+    def interrupted(session: Session, result: ProgramResult) -> None:
+        shown.append(result)
+        show(session, result)
+        if len(shown) == after:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(correct_batch, "_show", interrupted)
+    done = place.correct(place.source, "-o", f"{place.folder / 'out'}/")
+    assert (done.exit_code, len(shown)) == (130 if after < 3 else 0, after)
+    told = f"CS6011: interrupted: {after} of 3 programs dealt with, no further one was begun"
+    assert (told in done.stderr, "CS6011" in done.stderr) == (after < 3, after < 3)
 
 
 def test_a_lost_process_does_not_stop_the_others(place: Shop) -> None:

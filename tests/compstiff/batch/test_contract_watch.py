@@ -166,6 +166,21 @@ def test_a_half_written_file_is_never_taken(place: Shop) -> None:
     assert watched.settled() == [("d.mod", "ok")]
 
 
+@pytest.mark.parametrize(("end", "waits"), [
+    ("ENDMODULE", False), ("ENDPROC endmodule ! the end", False), ("", True), ("ENDMODULES", True), ("! ENDMODULE", True)])
+def test_a_module_without_its_end_waits_and_is_told(place: Shop, end: str, waits: bool) -> None:
+    (program,) = place.put("a")
+    body, _, _ = program.read_text().rpartition("ENDMODULE")
+    if "ENDPROC" in end:
+        body = body.rpartition("ENDPROC")[0]
+    program.write_text(body + end + "\n")
+    done = once(place, place.folder / "out", "--json")
+    [line] = [json.loads(line) for line in done.stdout.splitlines()]
+    assert (done.exit_code, line["status"]) == (0, "waiting" if waits else "ok")
+    assert [(finding["code"], finding["level"], finding["file"]) for finding in line["findings"]
+            if finding["code"] == "CS6009"] == ([("CS6009", "warning", str(program))] if waits else [])
+
+
 def test_a_file_that_changes_under_the_correction_is_taken_again(place: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
     watched = Watched(place)
     (program,) = place.put("a")

@@ -1,0 +1,130 @@
+"""What is told of a measured part: with the numbers that were put into it, and from which on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from compensator.correction.files import Inputs
+from compensator.correction.settings import Estimate
+from compensator.learned.learned import JobFrame
+from compensator.learning.held_out import HeldOut
+from compensator.learning.learning import Learning
+from compensator.learning.refusals import refuse_worse, said_of
+from identification.common.findings import Finding, Refused
+from identification.model.rotations import Frame
+from tests.compensator.learning.two_tracks import TwoTracks, two_tracks
+
+THIRD = slice(None, None, 3)
+
+
+@pytest.fixture(scope="module")
+def tracks(sample_inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> TwoTracks:
+    return two_tracks(sample_inputs, tmp_path_factory.mktemp("tracks"))
+
+
+def told(learning: Learning, code: str) -> list[Finding]:
+    return [finding for finding in learning.findings if finding.code == code]
+
+
+def um(finding: Finding) -> float:
+    """The first length that it states."""
+    return float(finding.message.partition(" um")[0].rpartition(" ")[2])
+
+
+@pytest.mark.parametrize(("shift_um", "level"), [(0, ""), (170, "note"), (230, "warning")])
+def test_how_far_the_part_stood_beside_its_work_object_is_told(
+    tracks: TwoTracks, tmp_path: Path, shift_um: float, level: str
+) -> None:
+    """Along (2, 2, 1) / 3, to some per cent; from 0.2 mm on a warning."""
+    points = tracks.measured(tmp_path / "points.csv", THIRD, tracks.off + shift_um * np.array([2, 2, 1]) / 3)
+    found = told(tracks.learn(points), "CS5314")
+    assert [(finding.level, finding.file, bool(finding.hint)) for finding in found] == (
+        [(level, str(points), level == "warning")] if shift_um else [])
+    assert not found or abs(um(found[0]) - shift_um) < 15
+
+
+@pytest.mark.parametrize("drift_um", [0, 100])
+def test_how_far_it_drifted_over_the_job_is_told(tracks: TwoTracks, tmp_path: Path, drift_um: float) -> None:
+    """Along y, in proportion to the time: 122 mm at 40 mm/s and the way to the tracks at the feed of its move."""
+    off = tracks.off.copy()
+    off[:, 1] += drift_um * np.linspace(0, 1, len(off))
+    points = tracks.measured(tmp_path / "points.csv", THIRD, off)
+    found = told(tracks.learn(points), "CS5315")
+    assert [(finding.level, finding.file) for finding in found] == ([("note", str(points))] if drift_um else [])
+    assert not found or abs(um(found[0]) - drift_um) < 20
+    assert not found or "over the 4 s of the job" in found[0].message
+
+
+@pytest.mark.parametrize("places", [15, 16])
+def test_too_few_places_to_leave_stretches_out_are_told(tracks: TwoTracks, tmp_path: Path, places: int) -> None:
+    points = tracks.measured(tmp_path / "points.csv", slice(0, 8 * places, 8), tracks.off)
+    learning = tracks.learn(points)
+    assert [(finding.level, finding.file) for finding in told(learning, "CS5316")] == (
+        [("warning", str(points))] if places < 16 else [])
+    assert (learning.held_out is None) == (places < 16)
+
+
+@pytest.mark.parametrize(("learned", "better", "refused"), [
+    (50.0, -2.1, True), (50.0, -2.0, False),        # standard errors
+    (44.1, -5.0, True), (44.0, -5.0, False)])       # a tenth more than 40 um
+def test_what_makes_stretches_left_out_surely_worse_is_refused(learned: float, better: float, refused: bool) -> None:
+    tried = HeldOut(40e-6, 40e-6, 1e-6 * learned, better, 8)
+    beside = Finding("CS5302", "note", "something else")
+    if not refused:
+        refuse_worse(tried, "points.csv", (beside,))
+        return
+    with pytest.raises(Refused) as stopped:
+        refuse_worse(tried, "points.csv", (beside,))
+    finding, other = stopped.value.findings
+    assert (finding.code, finding.file, other) == ("CS5312", "points.csv", beside)
+    assert f"{learned:.1f} um are left, 40.0 um without learning" in finding.message
+
+
+def test_where_nothing_was_tried_nothing_is_refused() -> None:
+    refuse_worse(None, "points.csv", ())
+
+
+@pytest.mark.parametrize(("large", "level"), [(1.0, "note"), (1.01, "warning")])
+def test_set_up_and_drift_are_told_in_their_units(large: float, level: str) -> None:
+    """(40, 0, 30) um times four, a turn that moves a place at 0.1 m by 60 um, a drift of 70 um in 12 s; the rest is none."""
+    beyond = 1e-6 * np.array([160 * large, 0, 120 * large, 0, 60, 0, 0, 0, 70, 900, 900, 900])
+    learned = SimpleNamespace(mean=np.concatenate([np.zeros(6), beyond]), springs=6, frame=JobFrame(
+        Frame.identity(), np.zeros(3), 0.1, 12.0))
+    learning: Any = SimpleNamespace(learned=learned, motion=Estimate(1.0, 0.01), setup_on=True, drift_on=True,
+                                    held_out=object(), source="points.csv")
+    set_up, drift = said_of(learning, np.eye(6), np.zeros(6))
+    assert (set_up.code, set_up.level, drift.code, drift.level) == ("CS5314", level, "CS5315", "note")
+    assert f"stood {200 * large:.0f} um and 0.60 mrad" in set_up.message
+    assert "a drift of 70 um over the 12 s" in drift.message
+
+
+@pytest.mark.parametrize(("chi2", "pulled"), [(22.4, False), (22.5, True)])
+def test_springs_that_their_load_test_lets_no_part_ask_for_are_told(chi2: float, pulled: bool) -> None:
+    """22.46 is what a chi-square with six degrees of freedom exceeds once in a thousand (any table has it)."""
+    rng = np.random.default_rng(6)
+    root = rng.normal(size=(6, 6)) + 3 * np.eye(6)
+    way = rng.normal(size=6)
+    before, mean = 1e-4 * root @ root.T, rng.normal(size=6)
+    change = 1e-2 * root @ way * np.sqrt(chi2) / np.linalg.norm(way)
+    learned = SimpleNamespace(mean=np.concatenate([mean + change, np.zeros(9)]), springs=6, frame=None)
+    learning: Any = SimpleNamespace(learned=learned, motion=Estimate(1.0, 0.01), setup_on=False, drift_on=False,
+                                    held_out=object(), source="points.csv")
+    assert [(one.code, one.level, one.file, "with 6 parameters" in one.message) for one in said_of(learning, before, mean)] == (
+        [("CS5313", "warning", "points.csv", True)] if pulled else [])
+
+
+@pytest.mark.parametrize("softer", [1.0, 1.5])
+def test_a_part_that_pulls_one_spring_alone_is_told(tracks: TwoTracks, tmp_path: Path, softer: float) -> None:
+    """The fifth spring of a robot whose load tests told each to some per cent."""
+    model = tracks.model
+    model = replace(model, covariance=100 * model.covariance)
+    true = replace(model, mean=model.mean + np.log(softer) * np.eye(6)[4])
+    points = tracks.measured(tmp_path / "points.csv", slice(None, None, 6), tracks.off_of(true), std_um=0.5)
+    found = told(tracks.learn(points, model), "CS5313")
+    assert [(finding.level, finding.file) for finding in found] == ([("warning", str(points))] if softer > 1 else [])
