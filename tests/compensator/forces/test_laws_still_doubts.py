@@ -133,8 +133,8 @@ ALL_OVER, ONE = np.random.default_rng(3050).normal(size=(8, 3)), np.where(np.ara
 def test_tare_tells_what_pulls_beside_the_weight(
     tmp_path: Path, mass: float, pull: np.ndarray, scatter: float, share: bool, words: str | None
 ) -> None:
-    """From 1.5 N an axis on, and from a hundredth of what the force changes by, which is 5 to 6 N of 60 kg; one orientation that
-    is off by itself needs no hundredth where there are others enough to tell it by."""
+    """From 1.5 N an axis on, and from a hundredth of what the force changes by, which is 5 to 6 N of 60 kg; one orientation
+    that is off by itself needs no hundredth where there are others enough to tell it by."""
     found = [one for one in told(tmp_path, mass, pull, scatter, share) if one["code"] == "CS3050"]
     assert [(one["level"], one["file"]) for one in found] == ([("warning", str(tmp_path / "still.csv"))] if words else [])
     assert all(words in one["message"] for one in found)
