@@ -21,7 +21,8 @@ def of_code(run: kit.Run, code: str) -> list[dict]:
 
 @pytest.mark.parametrize("joints", [(1,), (1, 3), (2,), ()])
 def test_a_cut_to_joint_angles_stays_and_is_told(tmp_path: Path, joints: tuple[int, ...]) -> None:
-    """The first such move with its line, and how many there are; one without force, as that of target 2, is no cut, and other moves are corrected."""
+    """The first such move with its line, and how many there are; one without force, as that of target 2, is no cut, and other
+    moves are corrected."""
     path = line(5, 10)
     moves = [f"    MoveAbsJ [[{','.join(f'{v:.10f}' for v in np.degrees(path.q[k]))}],{kit.E}],v50,z1,tMill\\WObj:=wPart;"
              if k in joints else kit.move(text) for k, text in enumerate(path.text)]
