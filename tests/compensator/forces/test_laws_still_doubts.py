@@ -133,8 +133,8 @@ ALL_OVER, ONE = np.random.default_rng(3050).normal(size=(8, 3)), np.where(np.ara
 @pytest.mark.parametrize(("mass", "pull", "scatter", "share", "words"), [
     (12.0, ALL_OVER, 1.45, False, None), (12.0, ALL_OVER[:4], 1.56, False, "1.6 N an axis (1 sigma) off what a weight does"),
     # What remains without it is under a fifth, and just over it.
-    (60.0, ONE + 0.032 * ALL_OVER, 3.0, False, "; without orientation 3 of 8 (10, 10, 5, 0, 60, -90 deg) the others agree within "
-                                               "0.58 N"),
+    (60.0, ONE + 0.032 * ALL_OVER, 3.0, False, "; without orientation 3 of 8 (10, 10, 5, 0, 60, -90 deg) the others agree "
+                                               "within 0.58 N"),
     (60.0, ONE + 0.035 * ALL_OVER, 3.0, False, None),
     (12.0, ALL_OVER, 1.56, False, "1.6 N an axis (1 sigma) off what a weight does"),
     (60.0, ALL_OVER, 0.0096, True, None), (60.0, ALL_OVER, 0.0104, True, " N an axis (1 sigma) off what a weight does"),
