@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import compstiff
 from compensator.cutting.coefficients import Coefficients
@@ -103,9 +104,37 @@ def test_forces_from_the_stock_need_one_work_object(tmp_path: Path, second: str)
     program = job(tmp_path, objects=second)
     found = stopped_by(predicted, tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
     assert (found.code, found.level, found.file) == ("CS4702", "error", str(program))
-    assert found.message.startswith("the engagement needs one work object that stands still")
+    assert found.message == "the engagement needs one work object, and this program has wobj0 and wSecond"
+    line = next(k for k, text in enumerate(program.read_text().splitlines(), 1) if "WObj:=wSecond" in text)
+    assert (found.line, found.target) == (line, (len(SLOT) + 4) // 2 + 1)
     job(tmp_path)
     assert of_code(predicted(tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml"), "CS4706")
+
+
+@pytest.mark.parametrize(("unit", "wobj", "turn_deg", "per_target"), [
+    ("carries: workobject, axes: [{eax: a, kind: rotary, direction: [0, 0, 1], through_mm: [1050, 0, 0]}]",
+     '[FALSE,FALSE,"UNIT",', 1.0, 0.5),
+    ("carries: robot, axes: [{eax: a, kind: linear, direction: [0, 1, 0]}]", '[FALSE,TRUE,"",', 0.0, 2.0)])
+def test_a_table_or_a_track_may_move_while_the_stock_is_cut(
+    tmp_path: Path, unit: str, wobj: str, turn_deg: float, per_target: float
+) -> None:
+    """The stock moves with the part: the force is that of a table that is held, turned with it where it turns."""
+    forces = []
+    for step in (0.0, per_target):
+        program = job(tmp_path, cell=CELL + f"mechanical_units:\n  - {{name: UNIT, {unit}}}\n")
+        head, *moves = program.read_text().replace("WObj:=wobj0", "WObj:=wOwn").split("[9E9,")
+        text = head + "".join(f"[{step * k:.3f},{move}" for k, move in enumerate(moves))
+        data = f"PERS wobjdata wOwn:={wobj}[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];"
+        program.write_text(text.replace("PROC main", f"{data}\nPROC main"))
+        cell = compstiff.read_cell(tmp_path / "cell.yaml")
+        settings = compstiff.Settings.of(predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+        found = compstiff.predict(cell, compstiff.read_toolpath(program, cell), stiff(cell), None, settings)
+        forces.append(found.forces.wrench[:, :3])
+    held, moved = forces
+    angle = np.radians(turn_deg * per_target * np.arange(len(held)))
+    turned = Rotation.from_rotvec(np.outer(angle, [0, 0, 1])).apply(held.copy())
+    assert np.abs(held).max() > 100
+    np.testing.assert_allclose(moved, turned, atol=0.005 * np.abs(held).max())
 
 
 @pytest.mark.parametrize("call", ["fitted", "table", "predicted"])

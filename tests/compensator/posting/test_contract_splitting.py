@@ -1,6 +1,7 @@
 """Parts of a large program: every byte of every move, nothing split inside a cut."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -159,6 +160,15 @@ def test_parts_that_do_not_say_what_the_program_said_are_not_written(monkeypatch
     monkeypatch.undo()
     assert split_files(module(body).encode(), np.array(air), PostingSettings(split=2), tmp_path / "OUT.mod",
                        overwrite=False)[1] == (1, 2, 2)
+
+
+def test_names_of_parts_are_those_a_controller_takes():
+    """Of at most 32 letters, however long the output's name is."""
+    body, air = moves(list("acaca"))
+    split = split_program(module(body).encode(), np.array(air), 2, Path(f"{'Long' * 10}.mod"))
+    names = re.findall(rb"(?:MODULE|PROC) (\w+)", b"".join(split.parts.values()))
+    assert len(names) == 6
+    assert {len(name) for name in names} == {26, 32}
 
 
 def test_one_cut_is_not_split():
