@@ -251,4 +251,10 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
      'level = np.abs(np.einsum("ni,ni->n", step, cuts.up)) < LEVEL * np.linalg.norm(step, axis=1)', "< -> <=",
      "a slope that is met exactly by none"),
     ("compensator/forces/turned_over.py", "if upward <= PUSHED * across:", "<= -> <", "a share that is met exactly by none"),
+    ("compensator/cutting/predicted_log.py",
+     "if low * OUTSIDE >= coefficients.chip[0] and high <= OUTSIDE * coefficients.chip[1]:", ">= -> >",
+     "a bound on a real number, met exactly by none"),
+    ("compensator/cutting/predicted_log.py",
+     "if low * OUTSIDE >= coefficients.chip[0] and high <= OUTSIDE * coefficients.chip[1]:", "<= -> <",
+     "a bound on a real number, met exactly by none"),
 )
