@@ -328,9 +328,10 @@ def _singularity(path: RobotPath, targets: Indices, theta: Array) -> list[Findin
         crossed[part] = np.sign(now) != np.sign(then)
     bad = np.flatnonzero((distance < SINGULAR) | crossed)
     if len(bad):
-        raise Refused(*(path.finding(int(targets[i]), "CS4106", "error", f"axis 5 is {np.degrees(distance[i]):.3f} deg from "
-                                     f"the wrist singularity after correction, at least {np.degrees(SINGULAR):g} deg are "
-                                     "needed",
+        raise Refused(*(path.finding(int(targets[i]), "CS4106", "error", "the correction takes axis 5 through zero, the wrist "
+                                     f"singularity, to {np.degrees(distance[i]):.3f} deg on the other side" if crossed[i] else
+                                     f"axis 5 is {np.degrees(distance[i]):.3f} deg from the wrist singularity after "
+                                     f"correction, at least {np.degrees(SINGULAR):g} deg are needed",
                                      "turn the part or the tool so that axis 5 stays away from zero") for i in bad[:20]))
     near = np.flatnonzero(distance < NEARLY_SINGULAR)
     if not len(near):

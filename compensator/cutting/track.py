@@ -18,8 +18,6 @@ from identification.common.arrays import Array, read_only
 from identification.common.findings import error
 
 Indices = NDArray[np.intp]
-# Lengths along the path in the work object and in the world are one where nothing moves [m].
-SAME_LENGTH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,16 +55,20 @@ def track_of(
     """The path of the tip in steps of at most `step` [m]; revolution [s] of the spindle; aside (N, 3) [m], work object: where
     the tool stood off the path at the targets, None: on it; ball [m]: radius of a cutter that is one, 0: it is not.
 
-    Raises CompstiffError (CS4702) for a program whose work object is not one that stands still.
+    Raises CompstiffError (CS4702) for a program of several work objects. One that a unit carries may move.
     """
     toolpath = path.toolpath
     known = np.flatnonzero(path.known & ~np.isnan(path.length))
     in_object = path.base_from_object.inverse() @ path.base_from_tcp
     points, length = polyline(np.where(path.known[:, None], in_object.position, np.nan), toolpath.move)
-    same = len(known) < 2 or (len(points) >= 2 and abs(length[-1] - np.nanmax(path.length)) <= SAME_LENGTH * (1 + length[-1]))
-    if len(np.unique(toolpath.workobject[known])) > 1 or not same:
-        raise error("CS4702", "the engagement needs one work object that stands still, and this program has more, or moves it",
-                    file=toolpath.source, hint="one program a work object, and external axes held while it cuts")
+    used, begins = np.unique(toolpath.workobject[known], return_index=True)
+    if len(used) > 1:
+        in_turn = used[np.argsort(begins)]
+        other = int(known[np.sort(begins)[1]])
+        raise error("CS4702", "the engagement needs one work object, and this program has "
+                    f"{' and '.join(toolpath.workobjects[number].name for number in in_turn)}", file=toolpath.source,
+                    line=int(toolpath.line[other]), target=other, hint="one program a work object, and moves to joint angles "
+                    "(MoveAbsJ) and through the air state it too")
     up = in_object.rotation[known, :, 2] * np.where(in_object.rotation[known, 2:, 2] < 0, -1.0, 1.0)
     upright = np.array([0.0, 0.0, 1.0])
 

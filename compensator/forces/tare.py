@@ -134,7 +134,9 @@ def still_payload(log: ForceLog, cell: Cell) -> Stills:
     if readings.between:
         findings.append(Finding("CS3038", "note", f"{counted(readings.between, 'sample')} between the orientations not used",
                                 file=log.source))
-    doubts = _doubts(payload, readings, log) or said_of_pull(payload, fall, readings.theta, readings.load, log.source)
+    doubts = _doubts(payload, readings, log)
+    if all(doubt.code == "CS3044" for doubt in doubts):     # of the centre alone, which says nothing of the forces
+        doubts += said_of_pull(payload, fall, readings.theta, readings.load, log.source)
     findings += [*doubts, *_against_stated(payload, cell, log)]
     centre = centre_std = None
     if payload.centre is not None and payload.centre_std is not None:

@@ -62,10 +62,10 @@ def join_files(files: Sequence[Path], output: Path, settings: PostingSettings) -
         raise error("CS4350", "modules are joined as they are", hint="give --split and --mark where they are corrected")
     content = joined(sources)
     program = read_rapid(content, str(output))
-    found = [file for file in sources if _MAIN.search(file.read_bytes())]
+    mains = [file for file in sources if _MAIN.search(file.read_bytes())]
     told = tuple(finding for finding in program.toolpath.findings if finding.code not in _OF_JOB)
-    return JoinedModules(program, {output: content}, sources, found[0] if found else sources[0],
-                         (*told, *said_of_joined(content, sources)))
+    return JoinedModules(program, {output: content}, sources, mains[0] if mains else sources[0],
+                         (*told, *said_of_joined(mains, sources)))
 
 
 def modules_of(file: Path) -> list[Path]:
@@ -90,8 +90,9 @@ def joined(files: Sequence[Path]) -> bytes:
     Raises CompstiffError: CS0005, CS4350 (files that cannot be joined: not RAPID, of several names or encodings, or what is
     no module alone), and what `read_rapid` raises of each.
     """
-    texts, wide = [], set()
+    texts: list[bytes] = []
     names: dict[str, Path] = {}
+    wide: dict[str, Path] = {}          # the first file of each encoding
     for file in files:
         if file.suffix.lower() not in RAPID_SUFFIXES:
             raise error("CS4350", f"'{file.suffix}' is no RAPID module", file=str(file), hint="modules are joined with "
@@ -110,10 +111,10 @@ def joined(files: Sequence[Path]) -> bytes:
             raise error("CS4350", f"holds {counted(len(modules), 'module')}, expected one" if len(modules) != 1 else
                         "was joined already", file=str(file), hint="a controller loads one module a file")
         if not data.isascii():
-            wide.add(program.source.encoding)
+            wide.setdefault(program.source.encoding, file)
         texts.append(data.removeprefix(codecs.BOM_UTF8))
     if len(wide) > 1:
-        raise error("CS4350", "some of these files are UTF-8 and some Latin-1", file=str(files[0]),
+        raise error("CS4350", f"is UTF-8, and {wide['latin-1']} is Latin-1", file=str(wide["utf-8"]),
                     hint="save all in one encoding")
     return b"".join(_marked(file.name, text) for file, text in zip(files, texts, strict=True))
 
@@ -147,7 +148,8 @@ def separate(content: bytes, output: Path) -> dict[Path, bytes]:
     for k, (name, text) in enumerate(pieces):
         file = output.with_name(Path(name).name)
         if k != first and file in files:
-            raise error("CS4351", f"would be written twice: the module {name} and the one with main", file=str(file),
+            raise error("CS4351", f"would be written twice: the module {name} and "
+                        f"{'the one with main' if file == output else 'another of its name'}", file=str(file),
                         hint="name the output as the file of the module with main")
         if k != first:
             files[file] = text
@@ -180,11 +182,11 @@ def told_in_modules(program: Path) -> Iterator[None]:
         raise type(stopped)(*in_modules(stopped.findings, program)) from stopped
 
 
-def said_of_joined(content: bytes, files: Sequence[Path]) -> list[Finding]:
-    """What is said of a job: a warning (CS4352) where no module has the routine main, or several have."""
-    count = len(_MAIN.findall(content))
-    if count == 1:
+def said_of_joined(mains: Sequence[Path], files: Sequence[Path]) -> list[Finding]:
+    """What is said of a job: a warning (CS4352) where no module has the routine main, or several have. mains: those of the
+    files that have it."""
+    if len(mains) == 1:
         return []
     return [Finding("CS4352", "warning", "no module has the routine main: which routine is driven first, and in which order, "
-                    "cannot be told" if not count else f"{count} modules have a routine main: a task has one", str(files[0]),
-                    hint="join all modules of the task, and no others")]
+                    "cannot be told" if not mains else f"{' and '.join(file.name for file in mains)} have a routine main each: "
+                    "a task has one", str((mains or files)[-1]), hint="join all modules of the task, and no others")]

@@ -64,11 +64,13 @@ def orientations(cam_path: CamPath, cell: Cell, settings: PostingSettings) -> Or
                 f"target {held.failed_at} of {len(cam_path)} (out of reach, beyond a joint limit, or a jump)",
                 file=cam_path.source, line=int(cam_path.line[held.failed_at]), target=held.failed_at,
                 hint="check workobject and tool in cell.yaml (a work object that is not stated lies in the robot's base); "
-                "turn the tool with --tool-x, or move the part; is its unit right, its tool axis from tip to spindle"))
+                f"{'' if cam_path.quaternion is not None else 'turn the tool with --tool-x, or '}move the part; is its unit "
+                "right, its tool axis from tip to spindle"))
         if held.reserve < LITTLE:
             findings.append(Finding(
                 "CS4305", "warning", f"{np.degrees(held.reserve):.1f} degrees from {held.where} at target {held.at}",
-                cam_path.source, int(cam_path.line[held.at]), target=held.at, hint="try another --tool-x, or move the part"))
+                cam_path.source, int(cam_path.line[held.at]), target=held.at,
+                hint="move the part" if cam_path.quaternion is not None else "try another --tool-x, or move the part"))
         chosen["smallest_reserve_deg"] = round(float(np.degrees(held.reserve)), 3)
         theta = held.theta
     # An axis that stands on the border of two quadrants must not flicker between them with the last digit.

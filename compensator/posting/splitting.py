@@ -16,6 +16,7 @@ from identification.common.findings import Finding, counted, error
 
 _HINT = "post the toolpath as one procedure of moves, without LOCAL data, loops, branches and routines, or do not split it"
 _BLANK = b" \t"
+_END = b"  ENDPROC"
 
 
 @dataclass(frozen=True)
@@ -61,15 +62,26 @@ def split_program(content: bytes, air: NDArray[np.bool_], most: int, output: Pat
     for number, (start, end) in enumerate(pairwise(edges), 1):
         name, file = f"{base}_{number:03d}", f"{output.stem}_{number:03d}{output.suffix}"
         _check_free(program, name)
-        body = data[start:end]
-        closed = b"" if body.endswith((b"\n", b"\r")) else eol
-        parts[file] = b"".join((head, b"MODULE ", name.encode(), eol, b"  PROC ", name.encode(), b"_moves()", eol, body, closed,
-                                b"  ENDPROC", eol, b"ENDMODULE", eol))
+        parts[file] = head + _part(name.encode(), data[start:end], eol)
         calls += _calls(name, file, load)
     main = data[:edges[0]] + b"".join(b"    " + call.encode() + eol for call in calls) + data[edges[-1]:]
     bounds = [0, *(moves[cut].targets_before for cut in cuts), count]
-    _read_back(program, main, list(parts.values()), output)
-    return Split(main, parts, tuple(b - a for a, b in pairwise(bounds)), findings)
+    split = Split(main, parts, tuple(b - a for a, b in pairwise(bounds)), findings)
+    together = data[:edges[0]] + b"".join(map(_moves_of, parts.values())) + data[edges[-1]:]
+    _read_back(program, split, together, output)
+    return split
+
+
+def _part(name: bytes, body: bytes, eol: bytes) -> bytes:
+    """The module of a part: a procedure of these moves."""
+    closed = b"" if body.endswith((b"\n", b"\r")) else eol
+    return b"".join((b"MODULE ", name, eol, b"  PROC ", name, b"_moves()", eol, body, closed, _END, eol, b"ENDMODULE", eol))
+
+
+def _moves_of(part: bytes) -> bytes:
+    """What stands in the procedure of a part."""
+    begin = part.index(b"_moves()") + len(b"_moves()")
+    return part[begin:part.rindex(_END)]
 
 
 def _calls(name: str, file: str, load: bool) -> list[str]:
@@ -195,16 +207,17 @@ def _check_free(program: RapidProgram, name: str) -> None:
                         hint="give the output another file name")
 
 
-def _read_back(program: RapidProgram, main: bytes, parts: list[bytes], output: Path) -> None:
-    """Raises CompstiffError (CS4313) where the parts together do not say what the program said."""
-    toolpaths = [read_rapid(part, output.name).toolpath for part in parts]
-    good = len(read_rapid(main, output.name).toolpath) == 0
-    # Named targets stand in the main module, so a part alone does not have their numbers.
-    named = any(declaration.type in ("robtarget", "jointtarget") for declaration in program.scan.names.declarations)
-    columns = ("move",) if named else ("move", "position", "quaternion", "confdata", "external", "joints")
-    for column in columns:
-        whole = np.concatenate([getattr(toolpath, column) for toolpath in toolpaths])
-        good &= np.array_equal(whole, getattr(program.toolpath, column), equal_nan=whole.dtype.kind == "f")
+def _read_back(program: RapidProgram, split: Split, together: bytes, output: Path) -> None:
+    """Raises CompstiffError (CS4313) where the parts do not say what the program said: each by itself as many moves, of the
+    same kinds; `together`, the moves of all of them where the program's stood, whatever it said, since the data that they
+    name stand in the main module."""
+    alone = [read_rapid(part, output.name).toolpath for part in split.parts.values()]
+    again, own = read_rapid(together, output.name).toolpath, program.toolpath
+    good = len(read_rapid(split.main, output.name).toolpath) == 0 and len(again) == len(own)
+    good &= tuple(map(len, alone)) == split.sizes and np.array_equal(np.concatenate([part.move for part in alone]), own.move)
+    for column in ("move", "position", "quaternion", "confdata", "external", "joints"):
+        read, meant = getattr(again, column), getattr(own, column)
+        good = good and np.array_equal(read, meant, equal_nan=meant.dtype.kind == "f")
     if not good:
         raise error("CS4313", "the parts do not read back as the program; nothing was written", file=str(output),
                     hint="a defect in compstiff: please report it with this program")

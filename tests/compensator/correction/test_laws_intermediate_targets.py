@@ -357,6 +357,36 @@ def test_the_text_given_stays_and_the_added_lines_look_like_it(tmp_path: Path, n
     assert "[9E9" in lines[last + 1]
 
 
+@pytest.mark.parametrize("wrong", ["", "a place", "a turn", "one more", "one less"])
+def test_a_text_with_more_targets_that_does_not_read_back_is_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: str
+) -> None:
+    """One of the program's own targets is another by a micrometre or a turn, or there is a move more or less than was meant."""
+    path = Path3(LINES)
+    job = Job(tmp_path, program=path.program(), forces=log(160))
+    own = kit.move(path.text[2])
+    place, turn = path.text[2].split(",", 1)[0].encode(), re.findall(r"\],(\[.+?\]),", path.text[2])[0].encode()
+    said, instead = {"": (b"", b""), "a place": (place, place[:-3] + str((int(place[-3:]) + 500) % 1000).zfill(3).encode()),
+                     "a turn": (turn, turn.replace(b"[", b"[-", 1).replace(b"--", b"")),
+                     "one more": (own.encode(), f"{own}\n{own}".encode()), "one less": (own.encode(), b"    ! none")}[wrong]
+    real = intermediate_targets.with_more_moves
+    assert said in path.program().encode()
+    monkeypatch.setattr(intermediate_targets, "with_more_moves", lambda program, more: real(program, more).replace(
+        said if more else b"", instead if more else b"", 1))
+    result = job.correct("--json")
+    if not wrong:
+        assert result.code == 0
+        assert result.json["result"]["added_targets"] > 0
+        return
+    assert result.code == 1
+    (found,) = (one for one in result.json["findings"] if one["level"] == "error")
+    assert (found["code"], found["file"]) == ("CS4332", str(tmp_path / "part.mod"))
+    assert found["message"] == "the program with intermediate targets does not read back as it was meant; nothing was written"
+    assert "--keep-targets" in found["hint"]
+    job.nothing_written()
+    assert job.correct("--keep-targets").code == 0
+
+
 @pytest.mark.parametrize("change", [
     ("    MoveL", "    IF go MoveL"), (",v50,z1", ",v50\\T:=2,z1"), ("    MoveL", "    Retract;\n    MoveL"),
     ("    MoveL", "    MoveL\\Conc,"),

@@ -55,6 +55,26 @@ def test_separators_decimals_headers(tmp_path, monkeypatch, separator: str, deci
     assert log.line.tolist() == list(range(len(above) + 1, len(above) + COUNT + 1))
 
 
+@pytest.mark.parametrize(("separator", "called"), [(",", "comma"), (";", "semicolon"), ("\t", "tab"), (" ", "blanks")])
+@pytest.mark.parametrize(("above", "columns", "words"), [
+    ([], NAMES, "time_s, target, fx_n, fy_n, fz_n"),
+    (["Zeit Nr X Y Z"], ["-", *NAMES[1:]], "target, fx_n, fy_n, fz_n; 1 line above the numbers passed over"),
+    (["Zeit Nr X Y Z", "[s] - N N N"], NAMES, "time_s, target, fx_n, fy_n, fz_n; 2 lines above the numbers passed over"),
+    ([" ".join(NAMES)], None, "")])
+def test_how_a_log_was_read_that_the_cell_names_the_columns_of(
+    tmp_path, separator: str, called: str, above: list[str], columns: list[str] | None, words: str
+) -> None:
+    """A note with what separates the cells, the columns that are read, and the lines that are not; nothing of a log that names
+    its own."""
+    body = lines([TIME, TARGET, *FORCE.T], separator, ".")
+    text = "\n".join([*(line.replace(" ", separator) for line in above), *body]) + "\n"
+    form = {"rate_hz": RATE} | ({} if columns is None else {"columns": columns})
+    found = [one for one in read(tmp_path / "a.csv", text, **form).findings if one.code == "CS3021"]
+    assert [(one.level, one.message, one.file, one.line) for one in found] == (
+        [("note", f"cells separated by {called}, columns as cell.yaml names them: {words}", str(tmp_path / "a.csv"),
+          len(above) + 1)] if columns else [])
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_marks_comments_quotes_and_trailing_separators(tmp_path, end: str) -> None:
     body = lines([TIME, TARGET, *FORCE.T], ";", ",")

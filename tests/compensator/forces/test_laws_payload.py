@@ -257,6 +257,33 @@ def test_a_log_without_moments_gets_none_from_bias_or_weight(tmp_path) -> None:
     assert not forces.wrench[9:].any()
 
 
+@pytest.mark.parametrize(("centre", "moments", "weight", "said"), [
+    ("", True, "in_log", True), (", centre_of_mass_mm: [12, -8, 143]", True, "in_log", False), ("", False, "in_log", False),
+    ("", True, "removed", False)])
+def test_a_mass_without_its_centre_is_taken_from_the_forces_and_not_from_the_moments(
+    tmp_path, centre: str, moments: bool, weight: str, said: bool
+) -> None:
+    """The moment that stays is that of the weight about the tool's tip, by statics. Nothing is said where the centre is known,
+    where no moment was logged, or where the log holds no weight."""
+    stated = STATED.replace(", centre_of_mass_mm: [12, -8, 143]", centre).replace("in_log", weight)
+    plan = tilted_plan(tmp_path, CELL + SENSOR % stated)
+    path = pass_log(tmp_path, plan, CUT)
+    if not moments:
+        path.write_text("\n".join(",".join(line.split(",")[:4]) for line in path.read_text().splitlines()))
+    forces = place_forces(read_force_log(path), plan, plan.cell)
+    found = [one for one in forces.findings if one.code == "CS3013"]
+    assert [(one.level, one.file) for one in found] == ([("warning", str(path))] if said else [])
+    if not said:
+        return
+    assert found[0].message.startswith("the moment of the payload of 12.4 kg is not subtracted")
+    assert found[0].hint == "state centre_of_mass_mm"
+    flange = plan.base_from_flange.rotation
+    # The weight's force was taken off at the sensor's origin, its moment about that place not.
+    arm = flange @ (CENTRE - SENSOR_PLACE)
+    assert_allclose(forces.wrench[5:9], (CUT + np.hstack([np.zeros((12, 3)), np.cross(arm, [0, 0, -MASS * 9.80665])]))[5:9],
+                    atol=1e-4)
+
+
 def test_an_air_stretch_gives_the_bias_beside_the_known_weight(tmp_path) -> None:
     plan = tilted_plan(tmp_path, CELL + SENSOR % STATED[STATED.index("weight"):])
     log = read_force_log(pass_log(tmp_path, plan, CUT, noise=1.0))

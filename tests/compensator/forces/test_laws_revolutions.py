@@ -297,3 +297,24 @@ def test_a_target_beside_the_cut_stays_without_force(tmp_path, tare) -> None:
     # Half a revolution of a ramp lies on the other side of the edge: an eighth of a revolution's worth of force.
     lost = 0.125 * 40 / 400
     assert_allclose(forces.wrench[2:, 1], [-200 * (1 - lost), -200, -200], atol=1.0)
+
+
+@pytest.mark.parametrize(("short", "said"), [((39,), "1 target with force"), ((40,), ""), ((39, 12), "2 targets with force")])
+@pytest.mark.parametrize("spindle_rpm", [6000.0, None])
+def test_targets_shorter_than_a_revolution_are_told(tmp_path, short: tuple[int, ...], said: str, spindle_rpm: float | None
+                                                    ) -> None:
+    """A revolution of 6000 rpm is 40 samples at 4 kHz. A target of fewer in the air is no matter, nor one of a log whose
+    spindle is not known."""
+    from compensator.forces.placement import place_forces
+    from tests.compensator.forces.test_contract_placement import plan
+
+    counts = [20, *short, *[80] * (4 - len(short))]
+    target = np.repeat(np.arange(5), counts)
+    force = np.where(target[:, None] > 0, [0.0, 200, 0], 0.0) + np.random.default_rng(2).normal(0, 0.5, (len(target), 3))
+    path, here = written(tmp_path / "a.parquet", force, 4000.0, {"target": target}), plan(tmp_path)
+    forces = place_forces(read_force_log(path, spindle_rpm=spindle_rpm), here, here.cell, tare=(0, 0))
+    assert forces.forced.tolist() == [False, True, True, True, True]
+    found = [one for one in forces.findings if one.code == "CS3029"]
+    assert [(one.level, one.file, one.line, one.target) for one in found] == (
+        [("note", "m.mod", 4, 1)] if said and spindle_rpm else [])
+    assert all(one.message.startswith(f"{said} and less than one revolution of the spindle") for one in found)

@@ -166,3 +166,28 @@ def test_a_turn_about_the_sensors_own_axis_is_told_in_degrees(
     found = said_of_moments(logged, axes, np.tile(arm, (count, 1)), np.ones(count, dtype=bool), cell, "log")
     assert [finding.code for finding in found] == ([] if said is None else ["CS3127"])
     assert all(str(said) in finding.message for finding in found)
+
+
+@pytest.mark.parametrize(("upward", "diameter", "corner", "climb", "count", "said"), [
+    (15.5, 16, 0, 0.0, 12, True), (14.5, 16, 0, 0.0, 12, False), (-40, 16, 0, 0.0, 12, False),
+    (15.5, 16, 0.8, 0.0, 12, True), (15.5, 16, 0.81, 0.0, 12, False), (15.5, 16, None, 0.0, 12, False),
+    (15.5, None, 0, 0.0, 12, False), (15.5, 16, 0, 0.019, 12, True), (15.5, 16, 0, 0.021, 12, False),
+    (15.5, 16, 0, 0.0, 10, True), (15.5, 16, 0, 0.0, 9, False)])
+def test_placed_forces_say_that_a_flat_end_mill_is_pushed_in(
+    tmp_path: Path, upward: float, diameter: float | None, corner: float | None, climb: float, count: int, said: bool
+) -> None:
+    """100 N across a tool that stands upright, and so much upwards: 0.15 of it is the limit. A corner of a tenth of the radius
+    is that of a flat cutter yet; ways that climb by over 0.02, and fewer than ten of them, tell nothing. The first target is
+    where the cut begins."""
+    keys = ["teeth: 3", *([f"tool_diameter_mm: {diameter}"] if diameter else []),
+            *([f"corner_radius_mm: {corner}"] if corner is not None else [])]
+    (tmp_path / "cell.yaml").write_text(CELL + f"cutting: {{{', '.join(keys)}}}\n")
+    moves = "\n".join(f"MoveL [[{1000 + 10 * k},0,{700 + 10 * climb * k:.3f}],[0,0,1,0],[-1,-1,-1,0],"
+                      "[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;" for k in range(count + 1))
+    cell = read_cell(tmp_path / "cell.yaml")
+    path = robot_path(read_rapid(f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath, cell)
+    rows = np.array([[k, *(np.array([-60.0, 80, upward]) * (k > 0))] for k in range(count + 1)])
+    (tmp_path / "forces.csv").write_text(log_text("target,fx_n,fy_n,fz_n", rows))
+    found = [one for one in place_forces(read_force_log(tmp_path / "forces.csv"), path, cell).findings if one.code == "CS3126"]
+    assert [(one.level, one.file) for one in found] == ([("warning", str(tmp_path / "forces.csv"))] if said else [])
+    assert all("pushed into its holder, by 16 N at 100 N across it" in one.message for one in found)

@@ -1,6 +1,7 @@
 """Parts of a large program: every byte of every move, nothing split inside a cut."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -118,6 +119,56 @@ def test_only_one_plain_procedure_is_split(before, declarations, says):
     found = refused.value.findings[0]
     assert found.code == "CS4310"
     assert found.hint
+
+
+@pytest.mark.parametrize(("said", "instead", "data"), [
+    ("0.5", "nUp", "CONST num nUp:=0.5;"), ("[0,0.5,-1]", "pUp", "CONST pos pUp:=[0,0.5,-1];"),
+    ("[9E9,9E9,9E9,9E9,9E9,9E9]", "eNone", "CONST extjoint eNone:=[9E9,9E9,9E9,9E9,9E9,9E9];")])
+def test_numbers_that_the_main_module_declares_are_split_too(said, instead, data):
+    """The parts name what stands there, which a controller sees from all modules."""
+    body, air = moves(list("acaca"))
+    text = module(body.replace(said, instead), declarations=f"  {data}\n").encode()
+    plain, named = (read_rapid(one, "w.mod").toolpath.position for one in (module(body).encode(), text))
+    assert np.array_equal(named, plain)
+    split = split_program(text, np.array(air), 2, OUT)
+    assert split.sizes == (1, 2, 2)
+    assert data.encode() in split.main
+    assert b"".join(map(inside, split.parts.values())).decode() == body.replace(said, instead)
+
+
+@pytest.mark.parametrize("wrong", ["a place", "a turn", "a kind", "one less", "one more", "another part", "main"])
+def test_parts_that_do_not_say_what_the_program_said_are_not_written(monkeypatch, tmp_path, wrong):
+    """Each by itself, everything else as it should be; as it should be they are written."""
+    from compensator.posting import splitting
+
+    part, behind, calls = splitting._part, splitting._behind, splitting._calls
+    said, instead = {"a place": (b"0.5,", b"0.5001,"), "a turn": (b"[1,0,0,0]", b"[0,1,0,0]"), "a kind": (b"MoveL", b"MoveJ"),
+                     "one less": (b"    MoveL", b"    ! MoveL"),
+                     "one more": (b"  ENDPROC", b"  MoveL p1,v5,z1,tMill;\n  ENDPROC")}.get(wrong, (b"", b""))
+    if said:
+        monkeypatch.setattr(splitting, "_part", lambda *given: part(*given).replace(said, instead, 1))
+    elif wrong == "main":
+        monkeypatch.setattr(splitting, "_calls", lambda *given: [*calls(*given), "MoveL p1,v5,z1,tMill;"])
+    else:       # the first line of the next part
+        monkeypatch.setattr(splitting, "_behind", lambda data, at: data.index(b"\n", behind(data, at)) + 1)
+    body, air = moves(list("acaca"))
+    with pytest.raises(CompstiffError) as refused:
+        split_files(module(body).encode(), np.array(air), PostingSettings(split=2), tmp_path / "OUT.mod", overwrite=False)
+    (found,) = refused.value.findings
+    assert (found.code, found.file) == ("CS4313", str(tmp_path / "OUT.mod"))
+    assert found.message == "the parts do not read back as the program; nothing was written"
+    monkeypatch.undo()
+    assert split_files(module(body).encode(), np.array(air), PostingSettings(split=2), tmp_path / "OUT.mod",
+                       overwrite=False)[1] == (1, 2, 2)
+
+
+def test_names_of_parts_are_those_a_controller_takes():
+    """Of at most 32 letters, however long the output's name is."""
+    body, air = moves(list("acaca"))
+    split = split_program(module(body).encode(), np.array(air), 2, Path(f"{'Long' * 10}.mod"))
+    names = re.findall(rb"(?:MODULE|PROC) (\w+)", b"".join(split.parts.values()))
+    assert len(names) == 6
+    assert {len(name) for name in names} == {26, 32}
 
 
 def test_one_cut_is_not_split():

@@ -1,8 +1,15 @@
 """Toolpaths of other systems in a folder: known by their ending, paired by their stem."""
 
+import json
+import shutil
 from pathlib import Path
 
+import pytest
+
+from compstiff import read_cell
 from compstiff.batch.pairing import Folders, paired, programs_in
+from tests.compensator.cutting.test_contract_asked import job, stiff, told
+from tests.runs.command_line import user_files as kit
 
 
 def test_every_ending_that_is_read_is_found_with_its_log(tmp_path):
@@ -21,3 +28,27 @@ def test_two_versions_of_one_file_are_rivals(tmp_path):
     for name in ("a.ncl.1", "a.ncl.2"):
         (tmp_path / name).write_text("")
     assert all(one.rival for one in paired(programs_in(tmp_path), None, Folders(Path("out"))))
+
+
+@pytest.mark.parametrize(("second", "predicted"), [
+    ("stock.npz", True), ("stock.yml", True), ("stock.yaml.bak", True), ("stock.npz", False)])
+def test_a_program_with_two_stock_files_is_not_corrected(tmp_path: Path, second: str, predicted: bool) -> None:
+    """Nor is the other one of the folder left out for it; where no forces are predicted stocks are no matter."""
+    folder, out = tmp_path / "in", tmp_path / "out"
+    folder.mkdir()
+    program = job(tmp_path)
+    (tmp_path / "stiffness.json").write_text(json.dumps(stiff(read_cell(tmp_path / "cell.yaml")).as_dict()))
+    for name in ("one", "two"):
+        shutil.copy(program, folder / f"{name}.mod")
+        shutil.copy(tmp_path / "stock.yaml", folder / f"{name}.stock.yaml")
+    (folder / f"two.{second}").write_text("another")
+    run = kit.run("correct", tmp_path / "cell.yaml", folder, "--stiffness", tmp_path / "stiffness.json", "--json", "-o",
+                  f"{out}/", *(["--predict-force", told(tmp_path)] if predicted else []))
+    said = {Path(line["program"]).stem: line for line in map(json.loads, run.out.splitlines())}
+    double = predicted and second != "stock.yaml.bak"
+    assert {name: line["status"] for name, line in said.items()} == (
+        {"one": "ok", "two": "failed" if double else "ok"} if predicted else {"one": "left", "two": "left"}), run
+    found = [(name, one) for name, line in said.items() for one in line["findings"] if one["code"] == "CS4736"]
+    assert [(name, one["level"], one["message"], one["file"]) for name, one in found] == ([
+        ("two", "error", f"has 2 stock files: two.stock.yaml, two.{second}", str(folder / "two.mod"))] if double else [])
+    assert (run.code, (out / "two.mod").exists()) == ((1, False) if double else (0, predicted))

@@ -1,0 +1,96 @@
+"""What is said of single targets, and of the cut, on either side of where it is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.test_placement import line
+from tests.runs.command_line.test_refusals import at
+from tests.runs.command_line.user_files import IRB6660, TOOL, Job, K
+
+HEAD = "target,fx_n,fy_n,fz_n\n"
+
+
+def of_code(run: kit.Run, code: str) -> list[dict]:
+    return [finding for finding in run.json["findings"] if finding["code"] == code]
+
+
+@pytest.mark.parametrize("joints", [(1,), (1, 3), (2,), ()])
+def test_a_cut_to_joint_angles_stays_and_is_told(tmp_path: Path, joints: tuple[int, ...]) -> None:
+    """The first such move with its line, and how many there are; one without force, as that of target 2, is no cut, and other
+    moves are corrected."""
+    path = line(5, 10)
+    moves = [f"    MoveAbsJ [[{','.join(f'{v:.10f}' for v in np.degrees(path.q[k]))}],{kit.E}],v50,z1,tMill\\WObj:=wPart;"
+             if k in joints else kit.move(text) for k, text in enumerate(path.text)]
+    job = Job(tmp_path, program=kit.module(moves), forces=HEAD + "".join(f"{k},60,90,{-120}\n" for k in (0, 1, 3, 4)))
+    run = job.correct("--json", "--keep-targets")
+    assert run.code == 0, run
+    told = [k for k in joints if k != 2]
+    lines = str(job.program).splitlines()
+    found = of_code(run, "CS4102")
+    assert [(one["level"], one["file"], one["target"], one["count"]) for one in found] == (
+        [("warning", str(tmp_path / "part.mod"), told[0], len(told))] if told else [])
+    assert all("MoveAbsJ" in one["message"] and lines[one["line"] - 1] == moves[one["target"]] for one in found)
+    moved = np.abs(np.nan_to_num(kit.column(job.offsets(), "ox_mm", "oy_mm", "oz_mm"))).max(axis=1) > 1e-6
+    assert moved.tolist() == [k != 2 and k not in joints for k in range(5)]
+    assert [text for text in job.out.read_text().splitlines() if "MoveAbsJ" in text] == [moves[k] for k in joints]
+
+
+@pytest.mark.parametrize(("wrist", "force", "words"), [
+    (0.09, (1, 0, 0), "axis 5 is 0.090 deg from the wrist singularity after correction, at least 0.1 deg are needed"),
+    (0.11, (1, 0, 0), ""), (-0.09, (1, 0, 0), "axis 5 is 0.090 deg"), (-0.11, (1, 0, 0), ""),
+    # This force moves axis 5 by less than a tenth of a degree, to either side.
+    (0.15, (-900, 600, -300), "axis 5 is 0.06"), (0.05, (900, -600, 300), ""),
+    # And so much a larger one takes it through zero.
+    (0.11, (-5400, 3600, -1800), "the correction takes axis 5 through zero, the wrist singularity, to 0.41")])
+def test_the_wrist_singularity_is_refused_within_a_tenth_of_a_degree(
+    tmp_path: Path, wrist: float, force: tuple[float, ...], words: str
+) -> None:
+    """Of where axis 5 is after the correction, by the independent arm: beyond it a warning is given (CS4110)."""
+    angles = [10, 10, 10, 20, wrist, 30]
+    job = Job(tmp_path, kit.cell_text(extra="limits: {max_offset_mm: 50, max_tilt_deg: 9}\n"), at(angles),
+              forces=HEAD + f"0,{','.join(map(str, force))}\n")
+    run = job.correct("--json")
+    assert (run.code, bool(of_code(run, "CS4110"))) == ((3, False) if words else (0, True)), run
+    assert [(one["level"], one["file"], one["line"], one["target"]) for one in of_code(run, "CS4106")] == (
+        [("error", str(tmp_path / "part.mod"), 5, 0)] if words else [])
+    assert all(one["message"].startswith(words) for one in of_code(run, "CS4106"))
+    if not words:
+        command = kit.targets_of(job.out.read_text())[0]
+        reached = np.degrees(kit.solve(IRB6660, kit.work_object() @ command @ TOOL.inv(), np.radians(angles)))[4]
+        assert 0.1 < reached * np.sign(wrist) < 0.2
+
+
+@pytest.mark.parametrize(("climbs", "origin"), [(40, "CS3240"), (39, "CS3241")])
+def test_a_stated_depth_tells_the_cutting_stiffness_where_enough_targets_climb(
+    tmp_path: Path, climbs: int, origin: str
+) -> None:
+    """Pushed forwards and to the left, as in climb milling, at 40 or 39 of 45 targets; to the right at the others. By the depth
+    that the tool had, which stood aside by the independent arm's deviation: 0.75 of the push by it (docs/formats.md), and the
+    mean of what is known to 0.3 of its logarithm."""
+    path = line(45, 2)
+    work, axis = kit.work_object().r, np.array([(kit.work_object() @ frame).r.apply([0, 0, 1]) for frame in path.frames])[0]
+    feed = work.apply(path.frames[1].p - path.frames[0].p)
+    feed /= np.linalg.norm(feed)
+    flange = (kit.work_object() @ path.frames[0] @ TOOL.inv()).p - (kit.work_object() @ path.frames[0]).p
+    left = np.cross(axis * np.sign(axis @ flange), feed)
+    left /= np.linalg.norm(left)
+    forces = [60 * feed + (90 if k < climbs else -90) * left for k in range(45)]
+    job = Job(tmp_path, program=path.program(), forces=HEAD + "".join(
+        f"{k},{','.join(f'{x:.6f}' for x in force)}\n" for k, force in enumerate(forces)))
+    run = job.correct("--json", "--depth-of-cut", "0.5", "--keep-targets")
+    assert run.code == 0, run
+    found = of_code(run, origin)
+    assert [(one["level"], one["file"]) for one in found] == [("note", str(tmp_path / "part.mod"))]
+    assert not of_code(run, "CS3240" if origin == "CS3241" else "CS3241")
+    if origin == "CS3241":
+        assert found[0]["message"].startswith("39 of 45 targets climb, and 40 are needed")
+        return
+    aside = [left @ kit.deviation(IRB6660, path.q[k], TOOL.p, np.r_[forces[k], 0, 0, 0], K) for k in range(climbs)]
+    stiffness = np.median(0.75 * 90 / (0.5 - 1e3 * np.array(aside))) * np.exp(0.3**2 / 2)
+    std = 2 * stiffness * np.sqrt(np.expm1(0.3**2))
+    assert found[0]["message"] == f"cutting stiffness by a depth of 0.5 mm: {stiffness:.3g} +- {std:.2g} N/mm (2 sigma)"

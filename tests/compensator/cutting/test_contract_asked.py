@@ -1,0 +1,259 @@
+"""What forces from the stock need, and what is said where it is missing, assumed, or not what the log told: on either side."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import compstiff
+from compensator.cutting.coefficients import Coefficients
+from compensator.cutting.materials import coefficients_of
+from identification.common.findings import CompstiffError, Finding
+from identification.model.stiffness import IdentifiedModel
+from tests.compensator.cutting.milled import FLAT
+
+CELL = """\
+robot: irb6660-205-1.90
+tool: {position_mm: [120, 0, 250]}
+force_log: {frame: base, sign: on_tool, spindle_rpm: 9000}
+cutting: {tool_diameter_mm: 16, teeth: 3, material: aluminium}
+"""
+STOCK = "box: {from_mm: [1000, -20, 585], to_mm: [1150, 20, 600]}\nresolution_mm: 0.5\nposition_std_mm: 0.01\n"
+# Two moves in the air, a slot 3 mm deep by targets 2 mm apart that end in the stock, and two moves in the air.
+SLOT = np.arange(990.0, 1102.0, 2.0)
+CUTS = np.flatnonzero(SLOT > 994) + 2
+
+
+def job(folder: Path, feeds: tuple[float, ...] = (18.0,), objects: str = "", cell: str = CELL, stock: str = STOCK) -> Path:
+    """Cell, stock and program; feeds [mm/s] of parts of the slot in turn, none: no speed is known; objects: the work object of
+    its second half."""
+    (folder / "cell.yaml").write_text(cell)
+    (folder / "stock.yaml").write_text(stock)
+    points = [(960.0, 640.0), (960.0, 597.0), *((x, 597.0) for x in SLOT), (1100.0, 640.0), (960.0, 640.0)]
+    moves = []
+    for k, (x, z) in enumerate(points):
+        inside = 2 <= k < len(points) - 2
+        speed = f"[{feeds[(k - 2) * len(feeds) // len(SLOT)] if inside else 200:g},500,5000,1000]" if feeds else "vOfAnother"
+        wobj = "wSecond" if objects and k > len(points) // 2 else "wobj0"
+        moves.append(f"MoveL [[{x},0,{z}],[0,0,1,0],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],{speed},fine,"
+                     f"tSpindle\\WObj:={wobj};")
+    head = "PERS tooldata tSpindle:=[TRUE,[[120,0,250],[1,0,0,0]],[80,[0,0,120],[1,0,0,0],0,0,0]];\n" + (
+        f"PERS wobjdata wSecond:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],{objects}];\n" if objects else "")
+    (folder / "slot.mod").write_text(f"MODULE Slot\n{head}PROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n")
+    return folder / "slot.mod"
+
+
+def log(folder: Path, forced: np.ndarray) -> Path:
+    """By target: a force at these alone."""
+    rng, count = np.random.default_rng(3), len(SLOT) + 4
+    on = np.isin(np.arange(count), forced)
+    rows = [",".join([str(k), *(f"{x:.3f}" for x in on[k] * np.array([-60.0, 150, 20]) + rng.normal(0, 0.3, 3))])
+            for k in range(count) for _ in range(20)]
+    (folder / "forces.csv").write_text("target,fx_n,fy_n,fz_n\n" + "\n".join(rows) + "\n")
+    return folder / "forces.csv"
+
+
+def stiff(cell: compstiff.Cell) -> IdentifiedModel:
+    return IdentifiedModel(cell.robot, cell.flange_from_tcp, -np.log(np.full(6, 1e9)), np.eye(6) * 1e-4)
+
+
+def told(folder: Path, chip: tuple[float, float] | None = (5e-5, 1e-4)) -> Path:
+    """cutting.json of the table's aluminium, as of a log with chips from and to so much [m]; None: as of no log."""
+    mean, covariance = coefficients_of("aluminium", 1e-4)
+    known = Coefficients(mean, covariance, 0.04, FLAT, "aluminium", chip, {"from": "log"})
+    (folder / "cutting.json").write_text(json.dumps(known.as_dict()))
+    return folder / "cutting.json"
+
+
+def fitted(folder: Path, forces: Path) -> compstiff.FittedCoefficients:
+    cell = compstiff.read_cell(folder / "cell.yaml")
+    program = compstiff.read_toolpath(folder / "slot.mod", cell)
+    return compstiff.cutting_coefficients(cell, program, folder / "stock.yaml", stiff(cell), forces,
+                                          compstiff.Settings.of(tare=((0, 1),)))
+
+
+def from_table(folder: Path) -> compstiff.FittedCoefficients:
+    cell = compstiff.read_cell(folder / "cell.yaml")
+    return compstiff.table_coefficients(cell, compstiff.read_toolpath(folder / "slot.mod", cell))
+
+
+def predicted(folder: Path, forces: Path | None = None, **settings: object) -> tuple[Finding, ...]:
+    cell = compstiff.read_cell(folder / "cell.yaml")
+    return compstiff.predict(cell, compstiff.read_toolpath(folder / "slot.mod", cell), stiff(cell), forces,
+                             compstiff.Settings.of(**settings)).findings
+
+
+def of_code(findings: tuple[Finding, ...], code: str) -> list[Finding]:
+    return [finding for finding in findings if finding.code == code]
+
+
+def stopped_by(call: object, *arguments: object, **named: object) -> Finding:
+    with pytest.raises(CompstiffError) as stopped:
+        call(*arguments, **named)  # type: ignore[operator]
+    (found,) = stopped.value.findings
+    return found
+
+
+@pytest.mark.parametrize("second", ["[[0,0,0],[1,0,0,0]]", "[[0,0,1],[1,0,0,0]]"])
+def test_forces_from_the_stock_need_one_work_object(tmp_path: Path, second: str) -> None:
+    """Also where the other one lies in the same place: its text may be another one's to change."""
+    program = job(tmp_path, objects=second)
+    found = stopped_by(predicted, tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+    assert (found.code, found.level, found.file) == ("CS4702", "error", str(program))
+    assert found.message == "the engagement needs one work object, and this program has wobj0 and wSecond"
+    line = next(k for k, text in enumerate(program.read_text().splitlines(), 1) if "WObj:=wSecond" in text)
+    assert (found.line, found.target) == (line, (len(SLOT) + 4) // 2 + 1)
+    job(tmp_path)
+    assert of_code(predicted(tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml"), "CS4706")
+
+
+@pytest.mark.parametrize(("unit", "wobj", "turn_deg", "per_target"), [
+    ("carries: workobject, axes: [{eax: a, kind: rotary, direction: [0, 0, 1], through_mm: [1050, 0, 0]}]",
+     '[FALSE,FALSE,"UNIT",', 1.0, 0.5),
+    ("carries: robot, axes: [{eax: a, kind: linear, direction: [0, 1, 0]}]", '[FALSE,TRUE,"",', 0.0, 2.0)])
+def test_a_table_or_a_track_may_move_while_the_stock_is_cut(
+    tmp_path: Path, unit: str, wobj: str, turn_deg: float, per_target: float
+) -> None:
+    """The stock moves with the part: the force is that of a table that is held, turned with it where it turns."""
+    forces = []
+    for step in (0.0, per_target):
+        program = job(tmp_path, cell=CELL + f"mechanical_units:\n  - {{name: UNIT, {unit}}}\n")
+        head, *moves = program.read_text().replace("WObj:=wobj0", "WObj:=wOwn").split("[9E9,")
+        text = head + "".join(f"[{step * k:.3f},{move}" for k, move in enumerate(moves))
+        data = f"PERS wobjdata wOwn:={wobj}[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];"
+        program.write_text(text.replace("PROC main", f"{data}\nPROC main"))
+        cell = compstiff.read_cell(tmp_path / "cell.yaml")
+        settings = compstiff.Settings.of(predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+        found = compstiff.predict(cell, compstiff.read_toolpath(program, cell), stiff(cell), None, settings)
+        forces.append(found.forces.wrench[:, :3])
+    held, moved = forces
+    angle = np.radians(turn_deg * per_target * np.arange(len(held)))
+    turned = Rotation.from_rotvec(np.outer(angle, [0, 0, 1])).apply(held.copy())
+    assert np.abs(held).max() > 100
+    np.testing.assert_allclose(moved, turned, atol=0.005 * np.abs(held).max())
+
+
+@pytest.mark.parametrize("call", ["fitted", "table", "predicted"])
+def test_forces_from_the_stock_need_the_spindle_s_speed(tmp_path: Path, call: str) -> None:
+    """From cell.yaml or from the option."""
+    def ask(rpm: float | None) -> object:
+        cell = compstiff.read_cell(tmp_path / "cell.yaml")
+        program = compstiff.read_toolpath(tmp_path / "slot.mod", cell)
+        if call == "table":
+            return compstiff.table_coefficients(cell, program, compstiff.Settings.of(spindle_rpm=rpm))
+        if call == "fitted":
+            return compstiff.cutting_coefficients(cell, program, tmp_path / "stock.yaml", stiff(cell), log(tmp_path, CUTS),
+                                                  compstiff.Settings.of(spindle_rpm=rpm, tare=((0, 1),)))
+        return predicted(tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml", spindle_rpm=rpm)
+
+    job(tmp_path, cell=CELL.replace(", spindle_rpm: 9000", ""))
+    found = stopped_by(ask, None)
+    assert (found.code, found.level, found.file) == ("CS4703", "error", str(tmp_path / "cell.yaml"))
+    assert "--spindle-rpm" in found.hint
+    assert "force_log.spindle_rpm" in found.hint
+    if call != "fitted":        # below
+        assert ask(9000.0)
+        job(tmp_path)
+        assert ask(None)
+
+
+@pytest.mark.parametrize(("cell", "feeds", "file", "words"), [
+    (CELL.replace(", material: aluminium", ""), (18.0,), "cell.yaml", "without a log the coefficients come from the table, and "
+     "cutting.material is not stated"),
+    (CELL, (), "slot.mod", "the program states no feed"), (CELL, (18.0,), "", "")])
+def test_the_table_needs_a_material_and_a_feed(
+    tmp_path: Path, cell: str, feeds: tuple[float, ...], file: str, words: str
+) -> None:
+    job(tmp_path, feeds, cell=cell)
+    if not words:
+        assert from_table(tmp_path).coefficients.material == "aluminium"
+        return
+    found = stopped_by(from_table, tmp_path)
+    assert (found.code, found.level, found.file, found.message) == ("CS4731", "error", str(tmp_path / file), words)
+
+
+@pytest.mark.parametrize(("stated", "said"), [("", True), ("position_std_mm: 0.1\n", False)])
+def test_that_nobody_stated_where_the_stock_stands_is_told(tmp_path: Path, stated: str, said: bool) -> None:
+    """With what is taken, 0.1 mm (docs/cutting.md)."""
+    job(tmp_path, stock=STOCK.replace("position_std_mm: 0.01\n", stated))
+    found = of_code(predicted(tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml"), "CS4707")
+    assert [(one.level, one.message, one.file, one.hint) for one in found] == ([
+        ("note", "where the stock stands is taken to be known to 0.1 mm, 1 sigma, in x, y and z", str(tmp_path / "stock.yaml"),
+         "state position_std_mm")] if said else [])
+
+
+@pytest.mark.parametrize(("chip_um", "logged"), [
+    ((40, 80), ""), ((51.9, 80), ""), ((52.1, 80), "0.0521 to 0.08"), ((30, 61.6), ""),
+    ((30, 61.4), "0.03 to 0.0614"), (None, "")])
+def test_a_feed_a_tooth_beyond_what_was_logged_is_told(
+    tmp_path: Path, chip_um: tuple[float, float] | None, logged: str
+) -> None:
+    """18 and 36 mm/s at 9000 a minute and three teeth are 40 and 80 um; outside is over 1.3 times less or more than the log's.
+    What no log told is of any."""
+    job(tmp_path, (18.0, 36.0))
+    known = told(tmp_path, None if chip_um is None else (1e-6 * chip_um[0], 1e-6 * chip_um[1]))
+    found = of_code(predicted(tmp_path, predict_force=known, stock=tmp_path / "stock.yaml"), "CS4722")
+    words = f"the feed a tooth is 0.04 to 0.08 mm, that of the log which told the coefficients {logged} mm"
+    assert [(one.level, one.message, one.file) for one in found] == ([("warning", words, str(known))] if logged else [])
+
+
+def test_what_tells_the_forces_is_named_where_it_is_missing(tmp_path: Path) -> None:
+    """A log, or coefficients and stock; a log with one of these is no clearer; options about a log need one."""
+    job(tmp_path)
+    forces, known, stock = log(tmp_path, CUTS), told(tmp_path), tmp_path / "stock.yaml"
+    coefficients, blank = "cutting coefficients (--predict-force)", "the stock (--stock)"
+    for log_file, settings, missing in (
+            (None, {}, f"{coefficients} and {blank}"), (None, {"predict_force": known}, blank),
+            (None, {"stock": stock}, coefficients), (forces, {"predict_force": known}, blank),
+            (forces, {"stock": stock}, coefficients)):
+        found = stopped_by(predicted, tmp_path, log_file, **settings)
+        assert (found.code, found.level) == ("CS4723", "error")
+        assert found.message == f"the forces cannot be predicted without {missing}"
+        assert "--forces" in found.hint
+    (tmp_path / "offsets.csv").write_text("target,ox_mm,oy_mm,oz_mm\n")
+    both = {"predict_force": known, "stock": stock}
+    for more in ({"tare": ((0, 1),)}, {"other_forces": forces}, {"logged_with": tmp_path / "offsets.csv"}):
+        found = stopped_by(predicted, tmp_path, None, **both, **more)
+        assert (found.code, found.level) == ("CS4723", "error")
+        assert found.message == "--tare, --other-forces and --logged-with are about a force log, and none is named"
+    for log_file, settings in ((None, both), (forces, {"tare": ((0, 1),)}), (forces, {"tare": ((0, 1),), **both})):
+        assert not of_code(predicted(tmp_path, log_file, **settings), "CS4723")
+
+
+@pytest.mark.parametrize(("count", "refused"), [(11, True), (12, False)])
+def test_a_log_of_a_dozen_places_tells_coefficients(tmp_path: Path, count: int, refused: bool) -> None:
+    job(tmp_path)
+    forces = log(tmp_path, CUTS[10:10 + count])
+    if not refused:
+        found = fitted(tmp_path, forces).posterior
+        assert found is not None
+        assert len(found.residual) == 12
+        return
+    said = stopped_by(fitted, tmp_path, forces)
+    assert (said.code, said.level, said.file) == ("CS4730", "error", str(forces))
+    assert said.message == "only 11 places with a force and engaged as the stock says, expected at least 12"
+    assert "stock it started from" in said.hint
+
+
+@pytest.mark.parametrize(("count", "spread", "level", "words"), [
+    (29, 1.0, "warning", "only 29 targets with a force and engaged as the stock says: the log cannot be held against it"),
+    (30, 1e-4, "warning", "no cause that is known explains that by itself (wear, speed, material, place of the stock)"),
+    (30, 1.0, "", "")])
+def test_a_log_that_cannot_be_held_against_its_stock_or_that_nothing_explains(
+    tmp_path: Path, count: int, spread: float, level: str, words: str
+) -> None:
+    """Of thirty targets it can. The force is none of this cut: of coefficients that are known to so much of the table's
+    variance nothing explains it, and the table itself knows little."""
+    job(tmp_path)
+    forces, known = log(tmp_path, CUTS[5:5 + count]), told(tmp_path)
+    held = json.loads(known.read_text())
+    known.write_text(json.dumps(held | {"covariance": [[spread * value for value in row] for row in held["covariance"]]}))
+    said = predicted(tmp_path, forces, tare=((0, 1),), predict_force=known, stock=tmp_path / "stock.yaml")
+    found = of_code(said, "CS4743")
+    assert [(one.level, one.file) for one in found] == ([(level, str(forces))] if level else [])
+    assert all(one.message.endswith(words) for one in found)
+    assert bool(found) != bool(of_code(said, "CS4740"))
