@@ -157,6 +157,13 @@ def test_every_code_has_its_page_and_every_page_its_code() -> None:
         assert all(page.values())
 
 
+def test_every_finding_is_named_by_a_test() -> None:
+    """What no test names nobody has seen told: of 69 such findings a third said something wrong, or nothing, when they were."""
+    tests = [file.read_text(encoding="utf-8") for file in (ROOT / "tests").rglob("*.py")]
+    named = {code for text in tests for code in re.findall(r"CS\d{4}", text)}
+    assert sorted(set(catalogue()) - named) == []
+
+
 def test_explain_and_robots() -> None:
     shown = compstiff_process("explain", "cs1010")
     assert shown.returncode == 0
