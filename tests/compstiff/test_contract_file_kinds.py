@@ -17,6 +17,7 @@ HEADERS = {
     "named.csv": ("A1,A2,A3,A4,A5,A6,fx_n,fy_n,fz_n,dx_um,dy_um,dz_um", "measurements"),
     "motor.csv": ("time_s,q1_motor_deg,tau1_nm,dx_um", "joint log"), "link.csv": ("time_s,q1_link_deg,tau1_nm", "joint log"),
     "offsets.csv": ("target,x_mm,y_mm,z_mm,ox_mm,oy_mm,oz_mm", "offsets"),
+    "readings.csv": ("dx_um,dy_um,dz_um", "measured part"),
     "part.csv": ("target,dx_um,dy_um,dz_um", "measured part"), "wall.csv": ("x_mm,y_mm,z_mm,dn_um", "measured part"),
     "log.csv": ("time_s,fx_n,fy_n,fz_n", "force log"), "raw.csv": ("target,fx_counts,fy_counts,fz_counts", "force log"),
     "path.csv": ("x_mm,y_mm,z_mm,q1,q2,q3,q4,feed_mm_s", "toolpath"), "part.forces.csv": ("a,b,c", "force log"),

@@ -70,6 +70,30 @@ def test_a_defect_leaves_a_log_and_no_traceback() -> None:
     Path(log[1]).unlink()
 
 
+@pytest.mark.parametrize(("words", "said"), [([], "a word\n"), (["--quiet"], ""), (["--json"], "")])
+def test_what_is_said_on_the_way_is_for_people(words: list[str], said: str) -> None:
+    def body(session: Session) -> Outcome:
+        session.say("a word")
+        return Outcome()
+
+    assert run(body, *words)[2] == said
+
+
+@pytest.mark.parametrize(("code", "anew", "told"), [(0, False, False), (3, False, True), (3, True, False)])
+def test_an_old_output_beside_what_was_refused_is_told(tmp_path: Path, code: int, anew: bool, told: bool) -> None:
+    """Of a result that is refused with all that was found; not where the call wrote, or was not refused."""
+    old = tmp_path / "offsets.csv"
+    old.write_text("old")
+
+    def body(session: Session) -> Outcome:
+        check_writable([old], overwrite=True)
+        if anew:
+            write_whole({tmp_path / "report.html": b"new"})
+        return Outcome(exit_code=code)
+
+    assert ("warning CS0014: offsets.csv stands there still" in run(body)[2]) == told
+
+
 def test_findings_fold_and_quiet_keeps_errors() -> None:
     notes = tuple(Finding("CS3011", "note", "same", file="a", line=i) for i in (4, 5, 6))
     assert fold(notes) == (Finding("CS3011", "note", "same", file="a", line=4, count=3),)
@@ -109,6 +133,15 @@ def test_a_reader_that_goes_away_is_no_defect() -> None:
                           text=True, timeout=300)
     assert done.stdout == '{\n "format'
     assert done.stderr == ""
+
+
+def test_the_entry_is_a_program_and_a_module() -> None:
+    """`python -m compstiff` runs it; to import it does nothing."""
+    called = subprocess.run([sys.executable, "-m", "compstiff", "--version"], capture_output=True, text=True, timeout=300)
+    assert called.stdout.startswith("compstiff")
+    call = "import compstiff.__main__; print('and on')"
+    done = subprocess.run([sys.executable, "-c", call], capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stdout) == (0, "and on\n"), done
 
 
 def test_ctrl_c_exits_130(tmp_path) -> None:

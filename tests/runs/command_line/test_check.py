@@ -242,6 +242,43 @@ def test_the_order_that_reaches_the_program_is_named(tmp_path: Path, form: str) 
     assert "every target is reached" not in check(tmp_path, tmp_path / f"part.{form}").out
 
 
+@pytest.mark.parametrize(("placed", "behind", "told"), [
+    ("[120, 0, 250]", r"Move\w \[\[.*?\],", "the targets' quaternions"),
+    ("[120, 0, 250], quaternion: [0.965925826, 0, 0.258819045, 0]", r"tooldata .*?\[\[.*?\],",
+     "the quaternions of its tooldata"),
+    ("[100, 1300, 700], quaternion: [0.965925826, 0.258819045, 0, 0]", r"wobjdata .*\[\[.*?\],",
+     "the quaternions of its wobjdata")], ids=["robtarget", "tooldata", "wobjdata"])
+def test_quaternions_of_a_program_in_the_other_order_are_named(tmp_path: Path, placed: str, behind: str, told: str) -> None:
+    """Of its targets, tool or work object: the others stay as they are. behind: what stands before the quaternion."""
+    before = placed.partition("]")[0] + "]" + ", quaternion: [1, 0, 0, 0]" * ("1300" in placed)
+    cell = PLACED.replace("[1400, 500, 800]", "[100, 1300, 700]") % [1, 0, 0, 0]
+    assert before in cell
+    (tmp_path / "cell.yaml").write_text(cell.replace(before, placed)
+                                        + "base_frame: {quaternion: [0.70710678, 0, 0, 0.70710678]}\n")
+    (tmp_path / "part.apt").write_text(APT)
+    program = tmp_path / "part.mod"
+    assert kit.run("post", tmp_path / "cell.yaml", tmp_path / "part.apt", "-o", program).code == 0
+    assert "x y z w" not in check(tmp_path, program).out
+    program.write_text(re.sub(rf"({behind})\[(.*?),(.*?),(.*?),(.*?)\]", r"\1[\3,\4,\5,\2]", program.read_text()))
+    said = [one["message"] for one in check(tmp_path, program).json["findings"] if one["file"] == str(program)]
+    assert sum(words.startswith(f"with {told} read as x y z w, every target is reached") for words in said) == 1, said
+
+
+@pytest.mark.parametrize(("home", "told"), [("MoveAbsJ [[0,-20,30,0,60,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;", False),
+                                            ("MoveJ [[100,1300,900],[0,-0.70710678,0.70710678,0],[-1,0,-1,0],"
+                                             "[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;", True)])
+def test_another_tool_is_told_where_it_says_where_the_robot_goes(tmp_path: Path, home: str, told: bool) -> None:
+    """To joint angles the robot goes whatever its tool."""
+    (tmp_path / "cell.yaml").write_text(PLACED.replace("[1400, 500, 800]", "[100, 1300, 700]") % [1, 0, 0, 0]
+                                        + "base_frame: {quaternion: [0.70710678, 0, 0, 0.70710678]}\n")
+    (tmp_path / "part.apt").write_text(APT)
+    program = tmp_path / "part.mod"
+    assert kit.run("post", tmp_path / "cell.yaml", tmp_path / "part.apt", "-o", program).code == 0
+    before = kit.codes(check(tmp_path, program))
+    program.write_text(program.read_text().replace("    MoveJ [[", f"    {home}\n    MoveJ [[", 1))
+    assert bool(kit.codes(check(tmp_path, program)) - before) == told
+
+
 def test_a_plan_is_no_broken_measurement(folder: Path) -> None:
     sheet = folder / "measurements.csv"
     header, *rows = sheet.read_text().splitlines()
