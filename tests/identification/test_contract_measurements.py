@@ -1,5 +1,6 @@
 """Reading measurements: every promised complaint, with its line and column, and what is accepted."""
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,12 @@ def complaint(folder: Path, *lines: str):
     with pytest.raises(CompstiffError) as caught:
         read(folder, *lines)
     return caught.value.findings[0]
+
+
+def test_the_file_they_are_of_is_kept(tmp_path) -> None:
+    rows = read(tmp_path, HEADER, ROW)
+    content = (tmp_path / "measurements.csv").read_bytes()
+    assert rows.made_from == ({"file": "measurements.csv", "sha256": hashlib.sha256(content).hexdigest()},)
 
 
 def test_units_and_defaults(tmp_path) -> None:

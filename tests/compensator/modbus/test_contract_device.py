@@ -1,5 +1,7 @@
 """The device's rules, without a network: sequence, CRC, limit, one writer, the robot's hand on the table."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -158,6 +160,31 @@ def test_no_commit_under_a_running_robot_unless_it_is_dead():
     clock.now += 0.2 * ROBOT_STALE_S
     commit(device, new)
     assert device.read(at.ACTIVE, 2) == list(split(new.header.id))
+
+
+def test_a_window_is_finished_by_a_robot_that_runs_with_its_table():
+    device, old, new = offset_device(), random_table(1), random_table(2)
+    load(device, new)
+    window = new.header.window
+    for table, finished in ((old, 0), (new, window)):
+        device.write(at.ROBOT, [7, Robot.RUNNING, 0, *split(table.header.id)])
+        device.write(at.ROBOT, [8, Robot.WINDOW_DONE, 0, *split(table.header.id), window])
+        assert device.read(23, 1) == [finished]
+
+
+def test_the_registers_of_the_map_are_there_and_hold_what_it_says():
+    """What the page of the map tells a PLC's programmer, read at its addresses."""
+    device, table = offset_device(), random_table(1)
+    load(device, table)
+    place = {one.name: (one.address, one.count) for one in at.MAP if one.name != "heartbeat"}
+    expected = {"magic": [0x4353, 0x4D42], "map version": [1], "page rows": [40], "window rows": [20000], "commits": [1],
+                "state": [0], "last result": [0], "id in transfer": [0, 0], "next page": [0],
+                "id": list(split(table.header.id)), "count": [table.header.rows], "row": [0],
+                "window, windows": [table.header.window, table.header.windows],
+                "robot state": [0], "window finished": [0], "robot heartbeat": [0], "row asked": [0], "window done": [0]}
+    assert {name: device.read(*place[name]) for name in expected} == expected
+    spans = sorted((one.address, one.address + one.count) for one in at.MAP)
+    assert all(end <= begin for (_, end), (begin, _) in pairwise(spans))
 
 
 def test_the_robot_gets_the_row_it_asks_for_and_a_sum_to_check():

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from compensator.verification.batch_means import mean_along
 from compensator.verification.comparison import Scale, compare, estimate_scale
 from compensator.verification.readings import Readings, nearest, read_readings
-from compensator.verification.verify import _scale_text
+from compensator.verification.verify import _comparison_text, _scale_text
 from compensator.verification.verify import verify as verify_files
 from compstiff.cli.main import compstiff
 from identification.common.findings import CompstiffError
@@ -144,6 +144,20 @@ def test_the_scale_beside_a_constant_is_that_of_the_components_that_were_measure
     assert found.points == len(set(row))
 
 
+SURE = Scale(100, 1.2, (1.1, 1.3), 0.9, 0.95, 100.0, 20.0, None, None, (0.0,) * 3, False, 16, False)
+
+
+@pytest.mark.parametrize(("change", "option"), [
+    ({}, "--scale 1.2:0.051"), ({"interval": (0.9, 1.3)}, "--scale 1:0.1"), ({"interval": None}, ""),
+    ({"interval": (-0.1, 2.0)}, ""), ({"interval": (0.9, 1.3), "constant_shown": True}, ""), ({"constant_shown": True}, ""),
+    ({"interval": (0.9, 1.3), "other_axes": "x y exchanged"}, ""), ({"other_axes": "x y exchanged"}, ""),
+    ({"scale": 9.0, "interval": (8.0, 10.0)}, "")])
+def test_a_scale_is_handed_on_where_it_is_one(change: dict[str, object], option: str) -> None:
+    """A half width of the interval is 1.96 sigma. Nothing where a constant shows beside it, other axes, or a size that no robot
+    has; where 1 will do, 1."""
+    assert replace(SURE, **change).option == option
+
+
 @pytest.mark.parametrize(("interval", "inside"), [((0.9, 1.1), True), ((1.0, 1.2), True), ((0.8, 1.0), True),
                                                   ((1.01, 1.2), False), ((0.8, 0.99), False)])
 def test_a_scale_is_advised_where_one_lies_outside(interval: tuple[float, float], inside: bool) -> None:
@@ -188,11 +202,11 @@ def test_the_interval_is_student_s_with_one_less_than_the_blocks() -> None:
 def test_figures_by_hand(tmp_path: Path) -> None:
     cell = read_cell(write_cell(tmp_path))
     before = csv(tmp_path, "b.csv", "target,dx_um,dy_um", np.array([[3, 30, 40], [1, 0, 20], [2, np.nan, 10], [9, 5, 5]]))
-    after = csv(tmp_path, "a.csv", "target,dx_um,dy_um", np.array([[1, 3, 4], [2, 1, 30], [3, 0, np.nan], [4, 1, 1]]))
+    after = csv(tmp_path, "a.csv", "target,dx_um,dy_um", np.array([[1, 3, 4], [2, 1, 30], [3, 0, np.nan], [10, 1, 1]]))
     result = verify(tmp_path / "cell.yaml", before, after, "--json")
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)["result"]
-    # Pairs 1, 2, 3; of 2 only y, of 3 only x is measured in both.
+    # Pairs 1, 2, 3, and not 9 with its neighbour; of 2 only y, of 3 only x is measured in both.
     assert (found["points"], found["unpaired_before"], found["unpaired_after"]) == (3, 1, 1)
     assert found["before"]["rms_um"] == pytest.approx(np.sqrt((20**2 + 10**2 + 30**2) / 3))
     assert found["after"]["rms_um"] == pytest.approx(np.sqrt((5**2 + 30**2 + 0) / 3))
@@ -203,6 +217,7 @@ def test_figures_by_hand(tmp_path: Path) -> None:
     assert found["worse_points"] == 1
     assert found["axes"]["y"]["before"]["mean_um"] == pytest.approx(15)
     assert "z" not in found["axes"]
+    assert _comparison_text(verify_files(cell, before, after).comparison).endswith("too few places to say how sure that is.")
     assert {one["code"] for one in json.loads(result.stdout)["findings"]} == {"CS6022", "CS6024", "CS6025"}
     assert read_readings(before, cell).place[:, 0].tolist() == [1, 2, 3, 9]
 
@@ -509,7 +524,8 @@ def test_a_reading_along_a_normal_has_the_mean_variance_of_the_cell_s_axes(passe
 
 
 @pytest.mark.parametrize(("header", "rows", "line"), [
-    ("target,dx_um", [[0, 1], [1.5, 2], [3, 1], [-1, 2]], 3), ("target,dn_um,nx,ny,nz", [[0, 1, 1, 0, 0], [1, 2, 1, 1, 0]], 3)])
+    ("target,dx_um", [[0, 1], [1.5, 2], [3, 1], [-1, 2]], 3), ("target,dn_um,nx,ny,nz", [[0, 1, 1, 0, 0], [1, 2, 1, 1, 0]], 3),
+    ("target,dn_um,nx,ny,nz", [[0, 1, 1.2, 0, 0], [1, 2, 0.5, 0, 0]], 3)])
 def test_the_first_line_that_is_wrong_is_named(
     passes: dict[str, Path], tmp_path: Path, header: str, rows: list[list[float]], line: int,
 ) -> None:
