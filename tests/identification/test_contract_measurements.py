@@ -204,10 +204,12 @@ def test_coarse_gauges_read_alike_up_and_down_and_a_copy_is_still_found(tmp_path
         (tmp_path / "m.csv").write_text("\n".join(rows) + "\n")
         return {finding.code for finding in read_measurements(tmp_path / "m.csv", cell).findings}
 
-    coarse = up_and_down(10.0)
+    coarse = up_and_down(10.0, visits=20)       # so many that some of their angles are nearly alike
     assert len(set(coarse)) < len(coarse), "readings do repeat"
     assert "CS0012" not in codes(coarse)
     assert "CS0012" in codes([*coarse, *coarse[1:]])
+    stuck = [coarse[0], *(row.rsplit(",", 3)[0] + ",70,70,70" for row in coarse[1:])]
+    assert "CS0012" in codes(stuck), "one reading says nothing of a gauge's steps"
     fine = up_and_down(0.01)
     assert "CS0012" not in codes(fine)
     assert "CS0012" in codes([*fine, *[row for row in fine[1:6] for _ in range(2)]])

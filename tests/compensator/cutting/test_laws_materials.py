@@ -77,6 +77,15 @@ def test_the_shares_of_a_chip_are_those_of_oblique_cutting() -> None:
     assert np.all((sizes > 0.7) & (sizes < 1.4))
 
 
+def test_the_sets_scatter_about_the_table_as_widely_as_it_says() -> None:
+    """Their tangential force at the middle chip, in sigmas of its logarithm."""
+    mean, covariance = coefficients_of("aluminium", 2e-3 * THIN)
+    part = np.array([1e-3 * THIN, 0, 0, 1, 0, 0])
+    width = float(np.sqrt(part @ covariance @ part) / (part @ mean))
+    force = np.array([1e3 * (shear * THIN + edge) for shear, edge, *_ in PUBLISHED.values()])
+    assert 0.8 < np.sqrt(np.mean((np.log(force / (part @ mean)) / width) ** 2)) < 1.6
+
+
 def test_the_axial_share_of_an_edge_lies_between_no_helix_and_its_tangent() -> None:
     """An edge that rubs against its way has no axial force, one that pushes across itself the helix' tangent of it. Sets that
     were measured are next to the first, the cited one has 0.7 of 27.7 N/mm: the middle is there, and the width reaches the
