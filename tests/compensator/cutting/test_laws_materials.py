@@ -78,12 +78,14 @@ def test_the_shares_of_a_chip_are_those_of_oblique_cutting() -> None:
 
 
 def test_the_sets_scatter_about_the_table_as_widely_as_it_says() -> None:
-    """Their tangential force at the middle chip, in sigmas of its logarithm."""
+    """Their tangential force at the middle chip, and what of it the edge has alone, in sigmas of their logarithms."""
     mean, covariance = coefficients_of("aluminium", 2e-3 * THIN)
     part = np.array([1e-3 * THIN, 0, 0, 1, 0, 0])
     width = float(np.sqrt(part @ covariance @ part) / (part @ mean))
     force = np.array([1e3 * (shear * THIN + edge) for shear, edge, *_ in PUBLISHED.values()])
     assert 0.8 < np.sqrt(np.mean((np.log(force / (part @ mean)) / width) ** 2)) < 1.6
+    edges = np.array([1e3 * edge for _, edge, *_ in PUBLISHED.values()])
+    assert 0.7 < np.sqrt(np.mean((np.log(edges / mean[3]) / (np.sqrt(covariance[3, 3]) / mean[3])) ** 2)) < 1.6
 
 
 def test_the_axial_share_of_an_edge_lies_between_no_helix_and_its_tangent() -> None:
