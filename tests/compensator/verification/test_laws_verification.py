@@ -125,6 +125,18 @@ def test_intervals_cover_under_autocorrelated_noise(phi: float) -> None:
     assert naive / runs < 0.87
 
 
+def test_the_interval_of_a_ratio_is_as_wide_as_that_of_chance() -> None:
+    """Of n places, each of three components that are Gaussian and remember nothing, the logarithm of the ratio has the
+    variance 1 / (3 n)."""
+    rng, count = np.random.default_rng(5), 3000
+    before, after = (Readings("", "target", np.arange(count)[:, None], 1e-6 * size * rng.normal(size=(count, 3)),
+                              np.full((count, 3), 1e-6), None) for size in (60.0, 20.0))
+    found = compare(before, after)
+    assert found.interval is not None
+    assert 0.7 < np.log(found.interval[1] / found.interval[0]) / (2 * 1.96 / np.sqrt(3 * count)) < 1.4
+    assert found.interval[0] < 3 < found.interval[1]
+
+
 def test_the_scale_beside_a_constant_is_that_of_the_components_that_were_measured() -> None:
     """Against least squares with a constant for each axis over what is known of either, and with none."""
     rng = np.random.default_rng(18)
