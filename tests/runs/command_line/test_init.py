@@ -13,10 +13,12 @@ import sys
 import time
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 import yaml
 
+from compstiff.cli.init import QUESTIONS
 from identification.model.cell import read_cell
 from identification.model.robot import built_in_robots
 from tests.runs.command_line import user_files as kit
@@ -319,3 +321,12 @@ def test_a_wrong_answer_is_told_of_the_file_that_would_have_been(tmp_path: Path,
     assert done.code == 1
     said = [finding for finding in done.json["findings"] if finding["level"] == "error"]
     assert {finding["file"] for finding in said} == {str(tmp_path / "new" / of)}
+
+
+@pytest.mark.parametrize("name", ["deflection_std", "spindle_rpm", "cutter_diameter", "contact"])
+def test_what_cannot_be_nothing_is_asked_again(name: str) -> None:
+    """A reading without any error, a spindle that stands, a cutter without a size: on a terminal as by an option."""
+    (kind,) = (kind for asked, _, kind, _ in QUESTIONS if asked == name)
+    assert kind.convert("0.5", None, None) == 0.5
+    with pytest.raises(click.BadParameter, match="range"):
+        kind.convert("0", None, None)
