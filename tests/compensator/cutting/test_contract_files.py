@@ -71,19 +71,21 @@ def test_what_a_program_left_comes_back(tmp_path: Path) -> None:
     assert again.position_std == pytest.approx(0.3e-3)
 
 
-@pytest.mark.parametrize("broken", ["text", "format", "missing", "shape", "nan", "order", "cut"])
+@pytest.mark.parametrize("broken", ["text", "format", "version", "missing", "shape", "nan", "order", "cut"])
 def test_a_damaged_stock_is_refused(tmp_path: Path, broken: str) -> None:
     stock = block((0.0, 0.0, -5.0), (10.0, 10.0, 0.0), ())
     file = tmp_path / "left.npz"
     file.write_bytes(stock_npz(stock))
     with np.load(file) as content:
         arrays = {name: content[name] for name in content.files}
+    assert arrays["version"] == 1, "files of version 1 are read tomorrow too"
     if broken == "text":
         file.write_text("no archive")
     elif broken == "cut":
         file.write_bytes(file.read_bytes()[:200])
     else:
-        arrays |= {"format": {"format": np.array("other")}, "shape": {"height_mm": np.arange(5.0)},
+        arrays |= {"format": {"format": np.array("other")}, "version": {"version": np.array(2)},
+                   "shape": {"height_mm": np.arange(5.0)},
                    "nan": {"inside_mm": np.full_like(arrays["inside_mm"], np.nan)},
                    "order": {"height_mm": arrays["height_mm"][::-1]}}.get(broken, {})
         if broken == "missing":

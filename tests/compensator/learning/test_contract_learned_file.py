@@ -77,6 +77,19 @@ def test_a_covariance_that_is_none_is_refused(tmp_path: Path, off: float, kept: 
     assert stopped.value.findings[0].code == "CS5320"
 
 
+@pytest.mark.parametrize("variance", [-1e-6, 1e70])
+def test_a_variance_that_is_none_is_refused(tmp_path: Path, variance: float) -> None:
+    """Below nothing, or beyond all sense, by itself."""
+    cell, given = read_cell(write_cell(tmp_path)), learned()
+    content = learned_json(given, cell)
+    size = len(given.covariance)
+    content["covariance"] = [[0.0] * k + [variance if k == size - 1 else 1e-3] for k in range(size)]
+    file = tmp_path / "learned.json"
+    file.write_text(json.dumps(content))
+    with pytest.raises(CompstiffError, match="CS5320"):
+        read_learned(file, cell)
+
+
 @pytest.mark.parametrize(("changed", "own", "code"), [
     ({}, "", ""), ({"version": 2}, "", "CS5320"), ({"format": "compstiff-stiffness"}, "", "CS5320"),
     ({"version": 2, "format": "x"}, "", "CS5320"), ({"springs": 5}, "", "CS5320"), ({"springs": 7}, "", "CS5320"),

@@ -125,6 +125,12 @@ def test_intervals_cover_under_autocorrelated_noise(phi: float) -> None:
     assert naive / runs < 0.87
 
 
+def test_where_nothing_was_measured_or_predicted_there_is_no_scale() -> None:
+    some, none = np.ones((40, 3)), np.zeros((40, 3))
+    assert estimate_scale(none, some) is estimate_scale(some, none) is None
+    assert estimate_scale(some, some) is not None
+
+
 def test_the_interval_of_a_ratio_is_as_wide_as_that_of_chance() -> None:
     """Of n places, each of three components that are Gaussian and remember nothing, the logarithm of the ratio has the
     variance 1 / (3 n)."""

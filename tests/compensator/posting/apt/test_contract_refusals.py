@@ -75,6 +75,7 @@ HEAD = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/30,20,5\n"         # three lines
     ("TLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20,20,5,20,30,5)", "CS2108", 4, 1, "INDIRV"),
     ("INDIRV/1,0,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20,20,5,20,30,5)", "CS2108", 5, 1, "not along the circle"),
     ("INDIRV/0,-1,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20,20,5,20,30,5)", "CS2108", 5, 1, "270.0 degrees"),
+    ("INDIRV/0,1,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20,20,5,10.0034,19.7382,5)", "CS2108", 5, 1, "181.5 degrees"),
     ("INDIRV/0,1,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/25,20,5,20,30,5)", "CS2108", 5, 1, "start at its centre"),
     ("LOADTL/1\nGOTO/1,2,3\nLOADTL/2\nGOTO/1,2,3", "CS2110", 6, 1, "tool 2 behind tool 1"),
     ("MSYS/0,0,0,1,0,0,0,1,0\nMSYS/0,0,5,1,0,0,0,1,0", "CS2110", 5, 1, "second coordinate system"),
