@@ -271,3 +271,15 @@ def test_a_few_samples_near_the_end_of_a_path_that_returns_are_no_pass(aside_mm:
         place, passes = match_nearest_pass(plan, length, log)
         assert passes == 1
         assert np.isfinite(place).mean() > 0.98
+
+
+@pytest.mark.parametrize(("share", "counted"), [(0.45, 1), (0.55, 2)])
+def test_what_comes_behind_is_a_pass_where_it_is_half_of_one(share: float, counted: int) -> None:
+    """A program that is begun again and stopped: the samples behind its end lie on it too."""
+    plan = np.array([[0, 0, 50], [36, 0, 20], [36, 0, 0], [36, 100, 0], [160, 100, 0], [160, 20, 0], [0, 20, 0], [0, 20, 50],
+                     [0, 0, 50]]) / 1e3
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(plan, axis=0), axis=1))])
+    once = np.column_stack([np.interp(np.arange(0.0, length[-1], 2e-4), length, axis) for axis in plan.T])
+    place, passes = match_nearest_pass(plan, length, np.vstack([once, once[:int(share * len(once))]]))
+    assert passes == counted
+    assert np.isfinite(place[:len(once)]).mean() > 0.98

@@ -16,6 +16,7 @@ from compensator.path import timing
 from compensator.path.feasibility import check_feed, judge
 from compensator.path.legs import Poses, build_legs
 from compensator.path.robot_path import RobotPath, robot_path
+from compensator.path.route import build_route
 from compensator.path.timing import drive, joint_move_time
 from compensator.rapid import read_rapid
 from identification.common.findings import Refused
@@ -136,6 +137,17 @@ def test_windows_and_left_out_stretches_change_nothing(sample: Corrected, monkey
     assert_allclose(drive(plan, window=400).speed, whole.speed, atol=1e-9)
     monkeypatch.setattr(timing, "_unsettled", lambda route, *_: np.ones(len(route.s), dtype=bool))
     assert_allclose(drive(plan).speed, whole.speed, atol=1e-9)
+
+
+def test_the_robot_is_looked_at_every_centimetre(tmp_path: Path) -> None:
+    """Along lines that are no multiple of it, and nowhere twice."""
+    points = [[1100, 0, 700], [1123, 0, 700], [1123, 137, 700], [1000, 137, 760]]
+    plan = program(tmp_path, lines(points, "v100", "z1"))
+    route = build_route(plan, Poses(plan.base_from_tcp, plan.theta))
+    steps = np.diff(route.s)
+    assert steps.max() < 10e-3 + 1e-9
+    assert steps.min() > 0
+    assert route.s[-1] - route.s[0] == pytest.approx(23e-3 + 137e-3 + np.hypot(123e-3, 60e-3), abs=1e-3)
 
 
 def test_what_is_a_stop(tmp_path: Path) -> None:
