@@ -29,6 +29,7 @@ from identification.design.loads import slot
 from identification.design.order import imbalance, run_order, travel
 from identification.design.plan import DesignPlan
 from identification.design.procedure import design_plan
+from identification.design.program import _identifier
 from identification.design.request import Request
 from identification.design.search import Effort, optimal_design
 from identification.diagnosis.plan import judge_plan
@@ -429,3 +430,11 @@ def test_a_program_none_of_whose_targets_counts_is_refused(
     found, = stopped.value.findings
     why = "none of the 3 targets is reached by the robot" + (" with a force on the tool" if forces else "")
     assert str(found).splitlines()[0] == f"{program}: error CS1602: {why}"
+
+
+@pytest.mark.parametrize(("stem", "module"), [
+    ("plan_2", "plan_2"), ("my plan-2", "my_plan_2"), ("2nd", "M2nd"), ("größe", "gr__e"), ("_a", "M_a"), ("a" * 40, "a" * 32)])
+def test_a_program_has_a_name_that_rapid_takes(stem: str, module: str) -> None:
+    """A letter, then letters, digits and _, at most 32: RAPID reference manual, identifiers."""
+    assert _identifier(stem) == module
+    assert re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,31}", module)
