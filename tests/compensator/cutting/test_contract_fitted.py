@@ -78,6 +78,26 @@ def test_what_is_known_before_is_how_far_forces_scatter() -> None:
     assert scatter < 1.03 * found.before
 
 
+def test_what_is_known_after_is_what_the_cut_adds_to_it() -> None:
+    """By the sum of what both tell (the inverse covariances), of no cut is less known than is said of the worst, and another
+    cut than the chosen one would leave more unknown."""
+    mean, covariance = coefficients_of("aluminium", 1e-4)
+    cuts = [OneCut(width, climb, factor * 1e-4) for width in (0.1, 0.5, 1.0) for climb in (True, False)
+            for factor in (0.5, 1.0, 2.0) if climb or width < 1]
+    matrices = [cut.weight(FLAT, 4e-3) for cut in cuts]
+    # In shares of what is known: coefficients of chips and of edges are ten powers of ten apart.
+    root = np.diag(np.sqrt(np.diag(covariance)))
+    known = np.linalg.inv(np.linalg.inv(root) @ covariance @ np.linalg.inv(root))
+
+    def worst_after(matrix: np.ndarray) -> float:
+        left = root @ np.linalg.inv(known + root @ matrix.T @ matrix @ root / 5.0**2) @ root
+        return max(float(np.sqrt(np.trace(one @ left @ one.T)) / np.linalg.norm(one @ mean)) for one in matrices)
+
+    found, after = next_cut(mean, covariance, FLAT, 4e-3, 1e-4, 5.0), [worst_after(matrix) for matrix in matrices]
+    assert found.after == pytest.approx(min(after), rel=1e-6)
+    assert replace(found, before=0.0, after=0.0) == cuts[int(np.argmin(after))]
+
+
 @pytest.mark.parametrize(("mean", "aside", "used", "said"), [
     ((8, 3, 1, 20, 10, 5), (2.9, -2.9, 0), 8, []), ((-8, 3, 1, 20, 10, 5), (0, 0, 0), 10, ["CS4734 a tangential"]),
     ((8, 3, 1, -2, 10, 5), (0, 0, 0), 10, ["CS4734 a tangential"]), ((8, -3, -1, 20, -10, -5), (0, 0, 0), 10, []),
