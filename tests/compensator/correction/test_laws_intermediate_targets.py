@@ -18,7 +18,7 @@ from compensator.correction.correct import Corrected, correct
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.fine_grid import _around, fine_grid
 from compensator.correction.force_changes import noise_of_one
-from compensator.correction.grid_forces import along_chords, forces_on
+from compensator.correction.grid_forces import _centred, along_chords, forces_on
 from compensator.correction.grid_path import asks_for_all, grid_path
 from compensator.correction.needed_targets import Wanted, beyond_noise, needed_points, window_means, windows
 from compensator.correction.settings import Estimate, Settings
@@ -577,6 +577,26 @@ def test_forces_that_name_targets_are_straight_from_one_to_the_next() -> None:
         assert np.allclose(found.wrench, np.where(np.array(at)[:, None], wanted, 0.0))
         assert np.allclose(found.standard_error, np.column_stack([np.interp(along, range(3), axis) for axis in error.T]))
         assert found.samples.tolist() == [7, 0, 0, 8, 9]
+
+
+def test_a_mean_is_moved_to_where_its_point_stands() -> None:
+    """Samples that lie unevenly about their points: a force that grows along the path comes out as it is there, but for the
+    points at the ends of what has force; a step stays as steep and as high as it is."""
+    rng, length = np.random.default_rng(8), 10e-3 * np.arange(30)
+    place = np.sort(np.concatenate([length + aside for aside in rng.uniform(-4e-3, 4e-3, (5, 30))]))
+    place = place[place >= 0]
+    forced = (np.arange(30) > 3) & (np.arange(30) < 26)
+    owner = np.rint(place / 10e-3).astype(int)
+    for law in (lambda s: 50.0 + 900.0 * s, lambda s: np.where(s > 0.145, 80.0, 20.0)):
+        means = np.array([law(place[owner == k]).mean() for k in range(30)])
+        wrench = np.column_stack([means * size for size in (1.0, -2.0, 0.5, 0.0, 0.1, -0.1)]) * forced[:, None]
+        log = SimpleNamespace(place=np.append(place, [np.nan, -1.0, 9.0]), weight=np.ones(len(place) + 3))
+        found = _centred(TargetForces(wrench, np.bincount(owner), np.ones((30, 3)), forced, None, (), log),
+                         SimpleNamespace(length=length))
+        there = law(length)[:, None] * np.array([1.0, -2.0, 0.5, 0.0, 0.1, -0.1])
+        inner = np.flatnonzero(forced)[1:-1]
+        assert np.allclose(found.wrench[inner], there[inner], atol=1e-9)
+        assert np.array_equal(np.delete(found.wrench, inner, axis=0), np.delete(wrench, inner, axis=0))
 
 
 def test_what_stands_around_a_move_is_as_far_from_both_of_its_ends() -> None:
