@@ -56,12 +56,14 @@ def test_joints_of_a_model_that_is_rejected_are_said_in_one_line(tmp_path: Path)
                     "compstiff diagnose looks for what the model lacks")
 
 
+@pytest.mark.parametrize("more", [False, True])
 @pytest.mark.parametrize(("memory", "remembered"), [(0.8, True), (0.0, False)])
-def test_readings_that_remember_each_other_are_said(tmp_path: Path, memory: float, remembered: bool) -> None:
+def test_readings_that_remember_each_other_are_said(tmp_path: Path, memory: float, remembered: bool, more: bool) -> None:
     """Noise of the sensor alone, of its stated size, each reading's with this share of the one before it in the same visit: the
-    correlation that is told is that one. Readings on their own are not spoken of."""
+    correlation that is told is that one. Readings on their own are not spoken of, and neither are they where the cell states
+    more noise than there is (more), which takes some for its own: each such set was told a correlation of about 0.1."""
     rng = np.random.default_rng(3)
-    alone = NOISY.replace("0.01,", "0,").replace("[1, 1, 1]", "[0, 0, 0]").replace("[4, 4, 4]", "[0, 0, 0]")
+    alone = NOISY if more else NOISY.replace("0.01,", "0,").replace("[1, 1, 1]", "[0, 0, 0]").replace("[4, 4, 4]", "[0, 0, 0]")
     cell, rows = simulate(tmp_path, rng, poses=8, loads=6, quiet=True, text=alone)
     noise = cell.noise.deflection * rng.standard_normal(rows.deflection.shape)
     for row in range(1, len(rows)):
@@ -75,6 +77,6 @@ def test_readings_that_remember_each_other_are_said(tmp_path: Path, memory: floa
         start, _, rest = message.partition("(correlation ")
         told_memory, _, end = rest.partition(")")
         assert start == "neighbouring readings of a visit are alike beyond what they share "
-        assert float(told_memory) == pytest.approx(memory, abs=0.15)
+        assert float(told_memory) == pytest.approx(memory, abs=0.25 if more else 0.15)
         assert end == ": they tell less than so many readings of their own"
         assert hint == "wait longer between readings, or take more poses"

@@ -142,7 +142,8 @@ def test_lvm_blocks_that_are_not_alike(tmp_path: Path) -> None:
      "error CS0201: Decimal_Separator is ',' and cells are separated by ','"),
     ("X0" + "\t0.000000E+00" * 3, "X0" + "\t0.000000E+00" * 2, "CS0201: 3 channels with 2 values of X0 and 3 of Delta_X"),
     ("Delta_X" + "\t0.000100" * 3, "Delta_X" + "\t0.000100" * 4, "CS0201: 3 channels with 3 values of X0 and 4 of Delta_X"),
-    ("Channels\t3", "Channels\t0", "CS0201: 0 channels with 3 values of X0 and 3 of Delta_X"),
+    ("X0" + "\t0.000000E+00" * 3, "X0" + "\t0.000000E+00" * 2 + "\tinf", "CS0203: X0 or Delta_X is no number of seconds"),
+    ("Delta_X" + "\t0.000100" * 3, "Delta_X\t1e300" + "\t0.000100" * 2, "CS0203: X0 or Delta_X is no number of seconds"),
 ])
 def test_lvm_headers_that_contradict_themselves(tmp_path: Path, old: str, new: str, says: str) -> None:
     path, text = tmp_path / "a.lvm", lvm([(0.0, VALUES[:5, :3])])
@@ -151,8 +152,15 @@ def test_lvm_headers_that_contradict_themselves(tmp_path: Path, old: str, new: s
     with pytest.raises(CompstiffError) as stopped:
         read_lvm(path)
     assert says in str(stopped.value)
-    if "channels" in says:
+    if "Delta_X" in says:
         assert stopped.value.findings[0].line == 17         # where the header of the block ends
+
+
+def test_lvm_of_no_channel(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    path.write_text(lvm([(0.0, VALUES[:5, :0])]))
+    with pytest.raises(CompstiffError, match="a.lvm:17: error CS0201: 0 channels with 0 values of X0 and 0 of Delta_X"):
+        read_lvm(path)
 
 
 def packets(rdt: np.ndarray, status: int = 0) -> np.ndarray:
