@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from identification.common.findings import CompstiffError
 from identification.model.cell import read_cell
 from identification.model.effects import effects
 from identification.motion.axis_diagnosis import AxisDiagnosis
@@ -47,6 +48,16 @@ def test_a_log_that_does_not_tell_a_stiffness_says_so(tmp_path: Path) -> None:
     told = fit_joint_logs(cell, [log_of(tmp_path)])
     assert "CS1502" not in {one.code for one in told.findings}
     assert told.model.stiffness[1] == pytest.approx(5e6, rel=0.05)
+
+
+def test_a_record_to_validate_with_has_the_same_joints(tmp_path: Path) -> None:
+    other = read_motion_log(write(tmp_path / "other.csv", {
+        name.replace("q2_", "q3_"): column for name, column in columns(4, {}, seconds=10).items()}))
+    with pytest.raises(CompstiffError) as stopped:
+        diagnose_joint_logs(read_cell(write_cell(tmp_path)), [log_of(tmp_path)], other, replicates=19)
+    (finding,) = stopped.value.findings
+    assert (finding.code, finding.file) == ("CS1501", str(tmp_path / "other.csv"))
+    assert finding.message == "has no motor and link angle of joint 2"
 
 
 @pytest.fixture(scope="module")
