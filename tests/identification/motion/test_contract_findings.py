@@ -17,7 +17,7 @@ from identification.motion.axis_diagnosis import AxisDiagnosis
 from identification.motion.causes import LogCause, group_as_dict, over_joints
 from identification.motion.diagnosis import JointLogDiagnosis, diagnose_joint_logs
 from identification.motion.dictionary import Shape
-from identification.motion.fit import fit_joint_logs
+from identification.motion.fit import fit_joint_logs, identified_model
 from identification.motion.lines import Line
 from identification.motion.log_file import MotionLog, read_motion_log
 from identification.motion.remainder import Remainder
@@ -176,3 +176,16 @@ def test_damping_as_gears_have_it_is_no_fault(unknown: JointLogDiagnosis) -> Non
     assert "the twist is late by 2.1" in line
     assert axis.as_dict()["damping_lag_s"] is None
     assert damped.as_dict()["damping_lag_s"] == {"estimate": 0.0021, "std": 0.0001}
+
+
+def test_what_the_robot_shows_at_rest_is_carried_on_with_its_spread(tmp_path: Path) -> None:
+    """Of a lag by friction inside the gear: its size as the log tells it, its torque from a grid, known to a fifth. What only
+    the log shows is left out."""
+    cell = read_cell(write_cell(tmp_path))
+    fit = fit_joint_logs(cell, [log_of(tmp_path)])
+    causes = [cause("hysteresis", 2, [5e-5, 400.0], [3e-6, np.nan]), cause("channel_delay", 2, [1e-3], [1e-4])]
+    model = identified_model(cell, fit.joints, fit.logs, causes)
+    assert [effect.label for effect in model.effects] == ["hysteresis[2]"]
+    assert model.mean[6:].tolist() == [5e-5, 400.0]
+    np.testing.assert_allclose(model.covariance[6:, 6:], np.diag([3e-6**2, 80.0**2]))
+    np.testing.assert_array_equal(model.covariance[:6, :6], fit.model.covariance)
