@@ -110,7 +110,8 @@ def added_offsets(table: Table) -> Array | None:
     if text is None or not any(text):
         return None
     offsets: list[float] = []
-    for row, (words, shares) in enumerate(zip(text, table.texts[ADDED], strict=True)):
+    of_shares = table.texts.get(ADDED, np.full(len(text), ""))
+    for row, (words, shares) in enumerate(zip(text, of_shares, strict=True)):
         try:
             here = [float(word) for word in str(words).split()]
         except ValueError:

@@ -117,7 +117,7 @@ def csv_cells(file: Path) -> Cells:
     except csv.Error as reason:
         raise error("CS0201", f"the header line is not CSV: {reason}", file=str(file), line=kept[0] + 1) from reason
     check_unique(names, str(file), kept[0] + 1)
-    widths = _widths(body, separator, file)
+    widths = _widths(body, separator, file, kept[1:])
     # Fewer rows than lines: a cell in quotes goes on over the end of its line, which is said below.
     wrong = np.flatnonzero(widths != len(names)) if len(widths) == len(body) else np.empty(0, dtype=int)
     if len(wrong):
@@ -128,21 +128,29 @@ def csv_cells(file: Path) -> Cells:
     line = np.array(kept[1:], dtype=np.intp) + 1
     if '"' not in text:
         return Cells(names, line, kept[0] + 1, lambda: _frame(body, names, separator, file), body, separator)
-    frame = _frame(body, names, separator, file)
-    if len(frame) != len(body):
+    frame = _frame(body, names, separator, file) if len(widths) == len(body) else None
+    if frame is None or len(frame) != len(body):
         open_quote = next((index for index in kept[1:] if lines[index].count('"') % 2), kept[0])
-        raise error("CS0201", "a cell in quotes goes over the end of its line, expected one line a row", file=str(file),
-                    line=open_quote + 1, hint="take the line break out of the cell, or close its quotes")
+        raise _over_the_end(str(file), open_quote + 1)
     return Cells(names, line, kept[0] + 1, lambda: frame)
 
 
-def _widths(body: list[str], separator: str, file: str | Path) -> NDArray[np.intp]:
-    """How many cells each row has; pandas would take the first of too many for the name of the row, and move the others up."""
+def _over_the_end(file: str, line: int) -> CompstiffError:
+    return error("CS0201", "a cell in quotes goes over the end of its line, expected one line a row", file=file, line=line,
+                 hint="take the line break out of the cell, or close its quotes")
+
+
+def _widths(body: list[str], separator: str, file: str | Path, index: list[int]) -> NDArray[np.intp]:
+    """How many cells each row has; pandas would take the first of too many for the name of the row, and move the others up.
+    index: of each line."""
     if not any('"' in line for line in body):
         return np.array([line.count(separator) + 1 for line in body], dtype=np.intp)
     try:
         return np.array([len(row) for row in csv.reader(body, delimiter=separator, skipinitialspace=True)], dtype=np.intp)
-    except csv.Error as reason:
+    except csv.Error as reason:                     # a cell without end, since its quotes are never closed
+        row = next((row for row, line in enumerate(body) if line.count('"') % 2), None)
+        if row is not None:
+            raise _over_the_end(str(file), index[row] + 1) from reason
         raise error("CS0201", f"is not a table: {reason}", file=str(file)) from reason
 
 

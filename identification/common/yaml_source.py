@@ -198,6 +198,9 @@ def _complaint(item: Any, model: type[BaseModel], places: dict[Key, Place], name
     elif item["type"] == "missing":
         message = (f"'{'.'.join(map(str, key[:-1]))}': number {key[-1] + 1} of the list is missing; found "
                    f"{len(item['input'])}" if isinstance(key[-1], int) else f"key '{label}' is missing")
+    elif item["type"] == "value_error" and isinstance(item["input"], dict):
+        # Of keys that do not go together: what was found of them it says itself.
+        message = f"'{label}': {_wanted(item)}" if label else _wanted(item)
     else:
         message = f"'{label}': {_wanted(item)}; found {shorten(repr(item['input']), 200)}"
     return Finding("CS0102", "error", message, file=name, line=line, column=column, hint=hint)

@@ -45,8 +45,9 @@ def design_report(plan: DesignPlan, program: RapidProgram | None = None) -> str:
 def _verdict(plan: DesignPlan, doubts: str) -> Verdict:
     weak = [f"k{joint.joint}" for joint in plan.forecast.joints if joint.grade != "reliable"]
     efficiency = 100 * plan.design.certificate.efficiency
-    known = "all six stiffnesses will be known well" if not weak else (
-        f"{', '.join(weak)} will not be known well, the others will")
+    known = "all six stiffnesses will be known well" if not weak else "none of the six stiffnesses will be known well"
+    if 0 < len(weak) < 6:
+        known = f"{', '.join(weak)} will not be known well, the others will"
     told = f" It names {plan.forecast.counts['identifiable']} of {len(plan.forecast.causes)} possible causes." * (
         plan.criterion == "C")
     sentence = (f"{len(plan.sheet.label)} poses, about {plan.sheet.time[-1] / 60:.0f} min: {known}.{told} At least "

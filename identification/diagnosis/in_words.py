@@ -188,7 +188,7 @@ def _cause_line(judgement: Judgement, cause: Cause) -> str:
 
 
 def _bad_row_line(bad: BadRow) -> str:
-    off = ", ".join(f"{1e6 * component:.1f}" for component in bad.off)
+    off = ", ".join("-" if np.isnan(component) else f"{1e6 * component:.1f}" for component in bad.off)
     told = f"; {told_of([bad.mend])}" if bad.mend else ""
     return (f"named: row {bad.row} (line {bad.line}) is a bad reading, off by ({off}) um (p = {bad.p_value:.2g}); it was left "
             f"out{told}")

@@ -101,9 +101,7 @@ def checks_of(items: list[dict[str, Any]]) -> list[tuple[str, str]]:
 
 
 def next_words(item: dict[str, Any]) -> tuple[str, str]:
-    """One of the next measurements: what to do, and what it tells."""
-    if item["kind"] != "load":
-        return item["what"], cause_words(item["about"])
+    """A load of the next measurements: what to do, and what it tells."""
     angles = ", ".join(f"{angle:.1f}" for angle in item["q_deg"])
     forces = ", ".join(f"{force:.0f}" for force in item["forces_n"])
     return (f"joints ({angles}) deg: load along base {item['axis']}, {forces} N",

@@ -67,13 +67,16 @@ def possible(noise: NoiseModel) -> tuple[int, ...]:
 
 def asked_for(at: Linearised, components: VarianceComponents, beside: Array) -> Way:
     """The parts that the rows ask for beyond the usual ones; beside (n, 3, m): as in ComponentPosterior, since set-ups that
-    turn the force explain the arm's own weight as well."""
-    plain = float(ComponentPosterior(at, beside).likelihood(components.logs[None])[0])
+    turn the force explain the arm's own weight as well. What it brings to have less of the other parts, which a cell file may
+    state larger than they are, is not the part's."""
+    usual = ComponentPosterior(at, beside)
     asked, set_up = [], SetUp.TURNED
     for part in possible(at.noise):
-        logs = np.repeat(components.logs[None], len(SIZES) * len(LEFT), axis=0)
+        left = np.repeat(components.logs[None], len(LEFT), axis=0)
+        left[:, TAKEN_FOR[part]] += np.log(LEFT)[:, None]
+        plain = float(usual.likelihood(left).max())
+        logs = np.repeat(left, len(SIZES), axis=0)
         logs[:, part] = np.tile(np.log(SIZES), len(LEFT))
-        logs[:, TAKEN_FOR[part]] += np.repeat(np.log(LEFT), len(SIZES))[:, None]
         likely = {}
         for way in SetUp if part == SETUP else (SetUp.TURNED,):
             of_way = ComponentPosterior(replace(at, noise=at.noise.with_parts(part, set_up=way)), beside)

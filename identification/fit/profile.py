@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 DROP_95 = 1.9207294103470620
 SPAN = 50.0
 POINTS = 81
+# Data that want no compliance, or less, count for this share of the posterior's.
+LEAST = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,8 @@ class Profile:
     """One joint: stiffness (POINTS,) [N m/rad] and the drop of ln likelihood there (POINTS,), 0 at the best.
 
     kind: bounded (the 95 % limit is crossed on both sides), one-sided, or flat. interval: where it is crossed, None where
-    it is not within the points (8 posterior sigmas, at most a factor 50, either way).
+    it is not within the points (8 posterior sigmas, at most a factor 50, either way; about what the data say where the prior
+    holds the stiffness away from that).
     """
 
     joint: int
@@ -53,29 +56,32 @@ def profiles(posterior: Posterior) -> tuple[Profile, ...]:
     eigenvalues, vectors = np.linalg.eigh(information)
     root = np.sqrt(np.maximum(eigenvalues, 1e-12 * eigenvalues.max()))[:, None] * vectors.T
     target = np.linalg.solve(root.T, pull) + root @ np.ones(6)
+    likeliest = lsq_linear(root, target, bounds=(0.0, np.inf), method="bvls")
+    best, of_data = likeliest.cost, np.maximum(likeliest.x, LEAST)
+    data_std = np.sqrt(np.diag(np.linalg.inv(root.T @ root))) / of_data
     results = []
     for joint in range(6):
         others = np.arange(6) != joint
-        # Eight posterior sigmas either way, as far as the prior lets a stiffness be unknown.
-        span = float(np.clip(np.exp(8 * np.sqrt(posterior.laplace[joint, joint])), 1.01, SPAN))
-        factors = np.geomspace(1 / span, span, POINTS)            # of the stiffness
-        cost = np.empty(POINTS)
-        for place, factor in enumerate(factors):
+
+        def cost_at(factor: float, joint: int = joint, others: NDArray[np.bool_] = others) -> float:
             reduced = target - root[:, joint] / factor
-            cost[place] = lsq_linear(root[:, others], reduced, bounds=(0.0, np.inf), method="bvls").cost
-        best = lsq_linear(root, target, bounds=(0.0, np.inf), method="bvls").cost
+            return float(lsq_linear(root[:, others], reduced, bounds=(0.0, np.inf), method="bvls").cost)
+
+        # Eight posterior sigmas either way, as far as the prior lets a stiffness be unknown; where the prior holds it away from
+        # what the data say, as many of theirs about that.
+        middle, std = 1.0, np.sqrt(posterior.laplace[joint, joint])
+        if cost_at(1.0) - best > 0.5 * DROP_95:
+            middle, std = 1 / of_data[joint], data_std[joint]
+        span = float(np.exp(np.clip(8 * std, np.log(1.01), np.log(SPAN))))
+        factors = np.geomspace(middle / span, middle * span, POINTS)            # of the stiffness
+        cost = np.array([cost_at(factor) for factor in factors])
         drop = np.maximum(cost - min(best, cost.min()), 0.0)
         results.append(_classified(joint + 1, factors / scale[joint], drop))
     return tuple(results)
 
 
 def _classified(joint: int, stiffness: Array, drop: Array) -> Profile:
-    inside = np.flatnonzero(drop < DROP_95)
-    if not len(inside):
-        # The limits lie between two points of the grid.
-        nearest = int(np.argmin(drop))
-        ends = stiffness[max(nearest - 1, 0)], stiffness[min(nearest + 1, len(drop) - 1)]
-        return Profile(joint, stiffness, drop, "bounded", (float(ends[0]), float(ends[1])))
+    inside = np.flatnonzero(drop <= max(DROP_95, drop.min()))
     first, last = int(inside[0]), int(inside[-1])
     low = None if first == 0 else _crossing(stiffness, drop, first - 1, first)
     high = None if last == len(drop) - 1 else _crossing(stiffness, drop, last, last + 1)

@@ -46,8 +46,9 @@ def read_metallicadour(file: str | Path, *, rate_hz: float = RATE_HZ) -> ForceSa
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         row, column = (int(k) for k in bad[0])
+        lines = [number for number, line in enumerate(file.read_text("utf-8-sig").splitlines(), start=1) if line.strip()]
         raise error("CS0203", f"channel {column + 1}: found '{frame.iat[row, column]!s}', expected a finite number",
-                    file=str(file), line=row + 1, column=column + 1)
+                    file=str(file), line=lines[row], column=column + 1)
     cut = FOLDER.search(str(file.resolve().parent))
     conditions = {name: float(value) for name, value in cut.groupdict().items()} if cut else {}
     others = {f"{kind}_{k + 1}": values[:, start + k] for kind, start in (("current", 0), ("vibration", 9)) for k in range(3)}

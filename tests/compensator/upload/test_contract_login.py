@@ -53,6 +53,14 @@ def test_a_fingerprint_in_any_form(omnicore, tmp_path, form):
     assert kit.call(cell, kit.write_module(tmp_path)).code == 0
 
 
+@pytest.mark.parametrize("wrong", ["0" * 63, "0" * 65, "g" + "0" * 63, ""])
+def test_a_fingerprint_that_is_none_is_refused_with_its_line(omnicore, tmp_path, wrong):
+    _, port = omnicore
+    refused = kit.call(kit.cell_yaml(tmp_path, port, f"fingerprint: '{wrong}'"), kit.write_module(tmp_path))
+    assert (refused.code, refused.codes) == (1, ["CS0102"])
+    assert "must be the SHA-256 of the certificate: 64 hexadecimal digits, colons allowed" in refused.text
+
+
 def test_another_certificate_than_the_pinned_one_gets_nothing(omnicore, tmp_path):
     controller, port = omnicore
     wrong = fingerprint(port)[:-1] + ("0" if fingerprint(port)[-1] != "0" else "1")

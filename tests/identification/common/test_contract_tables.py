@@ -304,3 +304,28 @@ def test_tables_and_logs_of_plain_numbers_are_read_without_pandas() -> None:
     files = [shipped("samples") / name for name in ("cell.yaml", "measurements.csv", "insert.forces.parquet")]
     done = subprocess.run([sys.executable, "-c", code, *files], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["112", "328756", "False"]
+
+
+@pytest.mark.parametrize("rows", [3, 30000])
+def test_quotes_that_are_never_closed_have_their_line_in_a_long_table_too(tmp_path: Path, rows: int) -> None:
+    """Behind so many rows the cell was longer than Python's reader takes, and its line was not told."""
+    file = tmp_path / "m.csv"
+    file.write_text('pose,q1_deg\n# a comment\nP1,1\n"P2,2\n' + "P3,3\n" * rows)
+    with pytest.raises(CompstiffError) as stopped:
+        read_table(file, required=("q1_deg",), texts=("pose",))
+    (finding,) = stopped.value.findings
+    assert (finding.code, finding.line, finding.file) == ("CS0201", 4, str(file))
+
+
+def test_a_cell_without_end_is_no_table(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_text('pose,q1_deg\n"' + "P" * 140000 + '",2\n')
+    with pytest.raises(CompstiffError, match="m.csv: error CS0201: is not a table: "):
+        read_table(tmp_path / "m.csv", required=("q1_deg",), texts=("pose",))
+
+
+def test_a_log_of_words_alone_has_no_line_of_numbers(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("\nmade by a logger\nno sample was taken\n")
+    with pytest.raises(CompstiffError) as stopped:
+        read_layout(tmp_path / "log.csv", ("time_s", "fx_n", "fy_n", "fz_n"))
+    (finding,) = stopped.value.findings
+    assert (finding.code, finding.line, finding.message) == ("CS0201", 2, "no line of numbers was found")

@@ -10,6 +10,7 @@ import pytest
 from openpyxl import Workbook
 
 from compensator.forces.placement import read_force_log
+from identification.common import workbook
 from identification.common.findings import CompstiffError
 from identification.common.tables import Table, read_table
 from tests.runs.command_line import user_files as kit
@@ -118,3 +119,17 @@ def test_a_force_log_and_the_measurements_of_a_shop(tmp_path: Path) -> None:
     result = kit.run("identify", tmp_path / "cell.yaml", measured, "-o", tmp_path / "found.json", "--json")
     assert result.code == 0, result
     assert "CS0206" in kit.codes(result)
+
+
+def test_a_workbook_without_cells_or_of_many_megabytes_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(CompstiffError, match=r"table.xlsx:1: error CS0201: is empty: a header line with column names"):
+        read(saved(tmp_path, [], []))
+    file = saved(tmp_path, [HEADER, ["P1", 12.5, 1]], name="one.xlsx")
+    for largest in (file.stat().st_size, file.stat().st_size - 1):
+        monkeypatch.setattr(workbook, "LARGEST", largest)
+        workbook._read.cache_clear()
+        if largest == file.stat().st_size:
+            assert read(file).numbers["q1_deg"].tolist() == [12.5]
+            continue
+        with pytest.raises(CompstiffError, match=r"one.xlsx: error CS0201: is a workbook of 0 MB, at most 0 MB are read"):
+            read(file)

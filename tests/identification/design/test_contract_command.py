@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import html
 import json
 import re
 from dataclasses import replace
@@ -22,11 +23,12 @@ from identification.common.findings import CompstiffError
 from identification.design import procedure
 from identification.design.discrimination import Diagnosed
 from identification.design.domain import Domain
-from identification.design.forecast import Forecast
+from identification.design.forecast import Forecast, JointForecast
 from identification.design.information import instrument
 from identification.design.kept_back import distances
 from identification.design.loads import slot
 from identification.design.order import imbalance, run_order, travel
+from identification.design.pages import design_report
 from identification.design.plan import DesignPlan
 from identification.design.procedure import design_plan
 from identification.design.program import _identifier
@@ -210,6 +212,21 @@ def small_plan(cell, monkeypatch) -> DesignPlan:
     monkeypatch.setattr(procedure, "QUICK", LITTLE)
     monkeypatch.setattr(procedure, "forecast", lambda *of: None)
     return design_plan(cell, Request(measurements=2, axes="z", protocol="single"), quick=True)
+
+
+def test_the_report_s_headline_is_what_the_plan_will_tell(tmp_path, monkeypatch) -> None:
+    plan = small_plan(read_cell(write_cell(tmp_path, CELL)), monkeypatch)
+    for weak, headline, known in (
+        (0, "PLANNED", "all six stiffnesses will be known well"),
+        (1, "PLANNED, BUT NOT EVERY JOINT WILL BE KNOWN", "k1 will not be known well, the others will"),
+        (5, "PLANNED, BUT NOT EVERY JOINT WILL BE KNOWN", "k1, k2, k3, k4, k5 will not be known well, the others will"),
+        (6, "THIS PLAN TELLS NO STIFFNESS WELL", "none of the six stiffnesses will be known well")):
+        joints = tuple(JointForecast(joint, 2.0, 0.05, "tentative" if joint <= weak else "reliable", 0, 0.0)
+                       for joint in range(1, 7))
+        page = design_report(replace(plan, forecast=Forecast(joints, (), {}, (), (), ()), findings=()))
+        told = html.unescape(re.sub(r"<[^>]+>", "\n", page)).replace("\xa0", " ")
+        assert f"\n{headline}\n" in told
+        assert f"min: {known}. At least " in told
 
 
 @pytest.mark.parametrize(("kept", "stated"), [

@@ -21,7 +21,7 @@ from identification.design.loads import weight_slot
 from identification.design.request import Request, prepare
 from identification.design.search import Effort, optimal_design
 from identification.design.task import Task, free_demand
-from identification.design.unseen import seen_by, sideways
+from identification.design.unseen import Sideways, seen_by, sideways, unseen_finding
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.compliance import compliance_matrix, regressor
@@ -164,6 +164,16 @@ def test_one_load_over_a_pulley_shows_it_as_it_says(plan, cell, prior):
     loaded -= offset @ np.linalg.solve(offset + zero, offset)       # the zero row tells some of the offset
     after = plan.information + slope.T @ np.linalg.solve(loaded, slope)
     assert found.after == pytest.approx(np.sqrt(np.linalg.inv(after)[0, 0]), rel=1e-6)
+
+
+@pytest.mark.parametrize(("left", "shows"), [(0.899, True), (0.9, False)])
+def test_a_load_that_leaves_nine_tenths_of_the_spread_is_no_advice(cell, left: float, shows: bool) -> None:
+    load = Sideways(4, 0, np.array([0.0, 30.0, 40.0]), 2.0, 2.0 * left)
+    finding = unseen_finding(hung(cell), (load,), ("pose 3",))
+    assert (finding.code, finding.level) == ("CS1507", "warning")
+    advice = "one load of 50 N turned sideways by a rope over a pulley, towards base (0.00 0.60 0.80) at the joints of pose 3"
+    assert (advice in finding.hint) == shows
+    assert ("no force at this tool point shows k4 at these poses: load the tool beside the axis" in finding.hint) != shows
 
 
 @pytest.fixture(scope="module")

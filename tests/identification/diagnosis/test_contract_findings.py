@@ -15,10 +15,15 @@ from identification.common.shipped import shipped
 from identification.diagnosis.blocks import Thinning
 from identification.diagnosis.diagnose import Diagnosis, diagnose
 from identification.diagnosis.gross import BadRow
+from identification.diagnosis.judgement import Cause
 from identification.diagnosis.mended import MendedFile, mended_file
+from identification.diagnosis.pages import diagnosis_report
+from identification.diagnosis.record import next_words
 from identification.diagnosis.share import share_of
+from identification.diagnosis.swing import Swing
+from identification.diagnosis.unsettled import Unsettled
 from identification.fit.load_test import LoadTest
-from identification.fit.mending import BadVisit
+from identification.fit.mending import BadVisit, Mend
 from identification.fit.mistakes.judge import NamedMistake
 from identification.fit.visits import VisitScore, VisitTest
 from identification.measurements import read_measurements
@@ -107,6 +112,102 @@ def test_poses_that_stand_out_and_are_kept_are_said(adequate: Diagnosis) -> None
     for rows in ((), (row,)):
         said = told(adequate, "CS1730", verdict="named", visits=test, bad_visits=left_out, bad_rows=rows)
         assert [line for *_, line in said] == [44, 9]
+
+
+NOTHING = np.zeros(3)
+
+
+def judged(found: Diagnosis, **changed: Any) -> Diagnosis:
+    return Diagnosis(found.cell, found.measurements, replace(found.judgement, **changed))
+
+
+def test_a_bad_reading_is_told_with_what_would_mend_it(adequate: Diagnosis) -> None:
+    """Its largest component in the finding, each in the answer; what was not measured (dx) is no number anywhere."""
+    off = np.array([np.nan, 2e-5, -5e-5])
+    plain = BadRow(7, 8, off, NOTHING + 1e-6, 0.0021)
+    hint = ("measure it again: what comes back is no slip, but a cause that shows there alone, such as a gear that crosses "
+            "its play under that load")
+    for bad, told_hint, told_line in (
+        (plain, hint, ""), (replace(plain, mend=Mend("sign", "dz of the other sign would fit", 0.625)),
+                            f"dz of the other sign would fit (62 % of what was tried); else {hint}",
+                            "; dz of the other sign would fit (62 % of what was tried)")):
+        said = judged(adequate, verdict="named", bad_rows=(bad,))
+        (finding,) = [one for one in said.findings if one.code == "CS1407"]
+        assert (finding.level, finding.message, finding.line, finding.hint) == (
+            "warning", "row 7 is a bad reading, 50.0 um off; it was left out", 8, told_hint)
+        assert said.lines()[0] == ("named: row 7 (line 8) is a bad reading, off by (-, 20.0, -50.0) um (p = 0.0021); it was "
+                                   f"left out{told_line}")
+        (cause,) = said.as_dict()["causes"]
+        assert cause["parameters"] == {"y_m": {"estimate": 2e-5, "std": 1e-6, "unit": "m"},
+                                       "z_m": {"estimate": -5e-5, "std": 1e-6, "unit": "m"},
+                                       "single_row": {"estimate": 7, "std": 0.0}}
+        assert (cause["sentence"], cause["of_robot"]) == ("row 7 (line 8) is a bad reading", False)
+        assert [mend["kind"] for mend in cause["mends"]] == ["sign"] * bool(bad.mend)
+        report = diagnosis_report(said)
+        assert "READINGS LEFT OUT" in report
+        assert "Left out, for they do not fit the others: row 7. Of the rest six springs leave" in report
+        assert "Measure again: row 7. What comes back is no slip." in report
+
+
+def test_a_bad_pose_is_a_cause_of_the_file_and_of_the_report(adequate: Diagnosis) -> None:
+    score = VisitScore("P7", np.array([4, 5, 6]), 44, 0, 5.0, 0.002, 0.5, NOTHING, NOTHING + 1)
+    said = judged(adequate, verdict="named", bad_visits=(BadVisit(score, (Mend("angle", "axis 4 off by 5 deg", 0.9),), ""),))
+    (cause,) = said.as_dict()["causes"]
+    assert (cause["effect"], cause["parameters"], cause["p_value"]) == (
+        "bad_visit", {"pose": {"estimate": "P7", "std": 0.0}}, 0.002)
+    assert cause["mends"] == [{"kind": "angle", "what": "axis 4 off by 5 deg", "probability": 0.9}]
+    assert said.lines()[0].startswith("named: ")
+    assert "they were left out" in said.lines()[0]
+    assert "axis 4 off by 5 deg" in said.lines()[0]
+    assert " of the other rows, the noise allows " in said.lines()[1]
+    assert "Left out, for they do not fit the others: the 3 readings of P7." in diagnosis_report(said)
+    # Where the other rows are adequate and yet nothing is named, the poses are what is seen.
+    assert judged(adequate, verdict="unknown", bad_visits=said.judgement.bad_visits).lines()[0].startswith("seen: ")
+
+
+@pytest.mark.parametrize(("scatter", "code", "headline", "size", "rows"), [
+    (Swing(0.02, 0.25, 1e-4, 3e-5), "CS1511", "WEIGHTS SWUNG", "side forces of 2 % of the load", "the rows"),
+    (Unsettled(7e-6, 0.25, 1e-4, 3e-5), "CS1410", "ZERO READINGS LIE ASIDE", "by 7 um", "the zero readings")])
+def test_scatter_is_told_with_its_size_and_is_no_displacement(
+    adequate: Diagnosis, scatter: Swing | Unsettled, code: str, headline: str, size: str, rows: str
+) -> None:
+    said = judged(adequate, verdict="named", scatters=(scatter,))
+    assert told(adequate, code) == []
+    ((level, message, _),) = told(adequate, code, verdict="named", scatters=(scatter,))
+    assert level == "warning"
+    assert size in message
+    assert message.endswith(f"; {rows} count for that much less")
+    assert said.lines()[0].endswith("(up to 30 um, 1 sigma; it is scatter, and nothing is carried on)")
+    (cause,) = said.as_dict()["causes"]
+    (parameter,) = cause["parameters"].values()
+    assert (parameter["estimate"], parameter["std"]) == (scatter.size, pytest.approx(0.25 * scatter.size))
+    assert (cause["of_robot"], cause["largest_um"], cause["probability"]) == (False, pytest.approx(30), 1 - 1e-4)
+    assert headline in diagnosis_report(said)
+
+
+def test_a_cause_whose_fit_was_lost_is_said(adequate: Diagnosis) -> None:
+    assert told(adequate, "CS1020", lost=("soft_zone[2]", "creep")) == [
+        ("note", f"{name} is no candidate: its fit did not converge", None) for name in ("soft zone of joint 2", "creep")]
+
+
+def test_what_is_seen_of_an_unknown_cause_without_pattern_is_the_nearest(adequate: Diagnosis) -> None:
+    """And its size may pass where its pattern does not."""
+    nearest = Cause(effects()["backlash"], 3, 0.5)
+    assert told(adequate, "CS1401", verdict="unknown", alternatives=(nearest,)) == [
+        ("warning", "something is wrong that no cause in the dictionary explains: what is left looks most like backlash of "
+         "joint 3, which does not explain it", None)]
+    for p_value, words in ((0.001, "noise does not make such a pattern (p = 0.001)"), (0.5, "")):
+        detection = replace(adequate.judgement.detection, p_value=p_value, resolution=1e-4)
+        report = diagnosis_report(judged(adequate, verdict="unknown", detection=detection))
+        assert ("its size would pass, but" in report) == bool(words)
+        assert words in report
+
+
+def test_a_load_is_told_as_what_to_do_and_what_it_tells() -> None:
+    assert next_words({"kind": "load", "q_deg": [0, -10.04, 30, 0, 45, 0], "axis": "z", "forces_n": [-100, 0, 299.6],
+                       "separates": ["backlash[2]", "creep"], "expected_sigmas": 3.14}) == (
+        "joints (0.0, -10.0, 30.0, 0.0, 45.0, 0.0) deg: load along base z, -100, 0, 300 N",
+        "backlash of joint 2 from creep, by 3.1 sigma")
 
 
 POSITION = "position_mm: [120, 0, 250]"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.common.findings import Finding
 from identification.fit.fit import Fit, fit_stiffness
+from identification.fit.mending import BadVisit, Mend
+from identification.fit.report import identification_report
+from identification.fit.visits import VisitScore
 from tests.identification.fit.test_laws_posterior import NOISY, simulate
 
 
@@ -56,12 +61,14 @@ def test_joints_of_a_model_that_is_rejected_are_said_in_one_line(tmp_path: Path)
                     "compstiff diagnose looks for what the model lacks")
 
 
+@pytest.mark.parametrize("more", [False, True])
 @pytest.mark.parametrize(("memory", "remembered"), [(0.8, True), (0.0, False)])
-def test_readings_that_remember_each_other_are_said(tmp_path: Path, memory: float, remembered: bool) -> None:
+def test_readings_that_remember_each_other_are_said(tmp_path: Path, memory: float, remembered: bool, more: bool) -> None:
     """Noise of the sensor alone, of its stated size, each reading's with this share of the one before it in the same visit: the
-    correlation that is told is that one. Readings on their own are not spoken of."""
+    correlation that is told is that one. Readings on their own are not spoken of, and neither are they where the cell states
+    more noise than there is (more), which takes some for its own: each such set was told a correlation of about 0.1."""
     rng = np.random.default_rng(3)
-    alone = NOISY.replace("0.01,", "0,").replace("[1, 1, 1]", "[0, 0, 0]").replace("[4, 4, 4]", "[0, 0, 0]")
+    alone = NOISY if more else NOISY.replace("0.01,", "0,").replace("[1, 1, 1]", "[0, 0, 0]").replace("[4, 4, 4]", "[0, 0, 0]")
     cell, rows = simulate(tmp_path, rng, poses=8, loads=6, quiet=True, text=alone)
     noise = cell.noise.deflection * rng.standard_normal(rows.deflection.shape)
     for row in range(1, len(rows)):
@@ -75,6 +82,47 @@ def test_readings_that_remember_each_other_are_said(tmp_path: Path, memory: floa
         start, _, rest = message.partition("(correlation ")
         told_memory, _, end = rest.partition(")")
         assert start == "neighbouring readings of a visit are alike beyond what they share "
-        assert float(told_memory) == pytest.approx(memory, abs=0.15)
+        assert float(told_memory) == pytest.approx(memory, abs=0.25 if more else 0.15)
         assert end == ": they tell less than so many readings of their own"
         assert hint == "wait longer between readings, or take more poses"
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    cell, rows = simulate(tmp_path_factory.mktemp("fit"), np.random.default_rng(5), poses=8)
+    return fit_stiffness(cell, rows)
+
+
+@pytest.mark.parametrize(("weak", "warned", "headline", "says"), [
+    (6, False, "NO STIFFNESS IS RELIABLE", "These measurements tell no joint well; "),
+    (5, True, "USE WITH CARE", "k1, k2, k3, k4, k5 are not known well from these measurements, the others are reliable; "),
+    (1, True, "USE WITH CARE", "k1 is not known well from these measurements, the others are reliable; "),
+    (0, True, "IDENTIFIED, WITH 1 WARNING TO READ FIRST", "All six stiffnesses are graded reliable; "),
+    (0, False, "RELIABLE", "All six stiffnesses are known; ")])
+def test_the_report_s_headline_is_what_the_grades_are(fit: Fit, weak: int, warned: bool, headline: str, says: str) -> None:
+    grades = ("tentative",) * weak + ("reliable",) * (6 - weak)
+    page = identification_report(replace(fit, model=replace(fit.model, grades=grades), findings=(
+        Finding("CS1015", "warning", "w", file="m.csv"),) * warned))
+    left = f"{fit.model.fit['residual_rms_um']:.1f} µm RMS of the measured deflections are left unexplained"
+    told = html.unescape(re.sub(r"<[^>]+>", "", page)).replace("\xa0", " ")
+    assert headline in told
+    assert says + left in told
+
+
+def test_the_report_lists_what_counts_less_and_what_was_left_out(fit: Fit) -> None:
+    """The lightest row first, twenty at most; a pose with its share and what would mend it."""
+    count = len(fit.measurements)
+    assert "Rows that count less" not in identification_report(replace(fit, row_weight=np.ones(count)))
+    weight = np.ones(count)
+    weight[[2, 9]] = 0.4, 0.07
+    score = VisitScore("P7", np.array([4, 5]), 44, 0, 5.0, 0.002, 0.75, np.zeros(3), np.ones(3))
+    bad = BadVisit(score, (Mend("angle", "axis 4 off by 5 deg", 0.9),), "")
+    page = identification_report(replace(fit, row_weight=weight, bad_visits=(bad,)))
+    table = re.sub(r"<[^>]+>", " ", page.split("Rows that count less")[-1].split("</table>")[0]).replace("\xa0", " ")
+    line = fit.measurements.line.astype(str)
+    assert re.findall(r"(\d+)\s+(\d+ %)", table) == [(line[9], "7 %"), (line[2], "40 %")]
+    table = page.split("Poses left out: their readings fit no stiffness")[-1].split("</table>")[0].replace("\xa0", " ")
+    for words in ("P7", "44", "p = 0.002", "75 %", "axis 4 off by 5 deg (90 % of what was tried)"):
+        assert words in table
+    many = identification_report(replace(fit, row_weight=np.linspace(0.1, 0.9, count)))
+    assert many.split("Rows that count less")[-1].split("</table>")[0].count("<tr>") == 21

@@ -10,6 +10,9 @@ from scipy.stats import chi2
 
 from identification.common.findings import CompstiffError
 from identification.fit.fit import fit_stiffness
+from identification.fit.load_test import LoadTest
+from identification.fit.posterior import posterior
+from identification.fit.profile import profiles
 from identification.model.cell import read_cell
 from identification.model.compliance import equilibrium
 from tests.identification.fit.test_laws_posterior import TRUE, simulate
@@ -119,6 +122,24 @@ def test_profiles(tmp_path) -> None:
     kinds = [profile.kind for profile in fit_stiffness(plain, few, with_profiles=True).profiles]
     assert [kinds[i] for i in (0, 3, 5)] == ["flat"] * 3
     assert kinds[2] == "bounded"
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.5])
+def test_profiles_say_what_the_data_say_whatever_the_prior_holds(tmp_path, factor) -> None:
+    """A prior that is sure of other stiffnesses: the interval of the data alone still has the truth (here it does for all six),
+    not a sliver of what the prior leaves open; the prior's value is outside. It was given 1.448 to 1.449 of the truth."""
+    cell, rows = simulate(tmp_path, np.random.default_rng(4))
+    sure = replace(cell.prior, stiffness=factor * TRUE, relative_std=np.full(6, 0.005))
+    fitted = posterior(LoadTest.of(replace(cell, prior=sure), rows))
+    for profile, truth in zip(profiles(fitted), TRUE, strict=True):
+        low, high = profile.interval
+        assert profile.kind == "bounded"
+        assert low is not None
+        assert high is not None
+        assert low < truth < high
+        assert profile.drop.min() == pytest.approx(0, abs=0.05)
+        assert profile.stiffness[0] < low < high < profile.stiffness[-1]
+        assert not low < factor * truth < high
 
 
 @pytest.mark.parametrize("width", [

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from compstiff.cli.main import compstiff
 from identification.common.findings import CompstiffError
+from identification.formats.convert import convert_log
 from identification.formats.lvm import read_lvm
 from identification.formats.metallicadour import read_metallicadour
 from identification.formats.net_ft import RECORD, read_net_ft
@@ -50,6 +51,19 @@ def test_metallicadour_complaints(tmp_path: Path) -> None:
         read_metallicadour(path)
     path.write_text(";".join(["1"] * 12) + "\n" + ";".join(["1"] * 4 + ["x"] + ["1"] * 7) + "\n")
     with pytest.raises(CompstiffError, match=r"a.csv:2:5: error CS0203"):
+        read_metallicadour(path)
+
+
+def test_metallicadour_with_a_separator_at_the_end_of_each_line(tmp_path: Path) -> None:
+    """As loggers write it; a thirteenth channel is no such thing. A wrong cell has its line of the file, empty ones counted."""
+    path, rows = tmp_path / "a.csv", [";".join(f"{x:.4f}" for x in row) + ";" for row in VALUES]
+    path.write_text("\n".join(rows))
+    assert read_metallicadour(path).force == pytest.approx(VALUES[:, 3:6])
+    path.write_text("\n".join([rows[0] + "7", *rows[1:]]))
+    with pytest.raises(CompstiffError, match="CS0201: has 13 channels, expected 12"):
+        read_metallicadour(path)
+    path.write_text("\n\n" + rows[0] + "\n\n" + ";".join(["1"] * 5 + ["x"] + ["1"] * 6) + ";\n")
+    with pytest.raises(CompstiffError, match=r"a.csv:5:6: error CS0203: channel 6: found 'x'"):
         read_metallicadour(path)
 
 
@@ -113,6 +127,42 @@ def test_lvm_complaints(tmp_path: Path) -> None:
         read_lvm(path)
 
 
+def test_lvm_blocks_that_are_not_alike(tmp_path: Path) -> None:
+    """Channels in another order would give the one's numbers to the other."""
+    path, text = tmp_path / "a.lvm", lvm([(0.0, VALUES[:20, :3]), (0.002, VALUES[20:, :3])])
+    first, _, second = text.rpartition("\tFx\tFy\tFz")
+    path.write_text(first + "\tFx\tFz\tFy" + second)
+    with pytest.raises(CompstiffError, match=r"a.lvm: error CS0202: a block has channels Fx, Fz, Fy, the first has Fx, Fy, Fz"):
+        read_lvm(path)
+
+
+@pytest.mark.parametrize(("old", "new", "says"), [
+    ("Decimal_Separator\t.", "Decimal_Separator\t;", "error CS0201: Decimal_Separator is ';' and cells are separated by '\t'"),
+    ("Separator\tTab\r\nDecimal_Separator\t.", "Separator\tComma\r\nDecimal_Separator\t,",
+     "error CS0201: Decimal_Separator is ',' and cells are separated by ','"),
+    ("X0" + "\t0.000000E+00" * 3, "X0" + "\t0.000000E+00" * 2, "CS0201: 3 channels with 2 values of X0 and 3 of Delta_X"),
+    ("Delta_X" + "\t0.000100" * 3, "Delta_X" + "\t0.000100" * 4, "CS0201: 3 channels with 3 values of X0 and 4 of Delta_X"),
+    ("X0" + "\t0.000000E+00" * 3, "X0" + "\t0.000000E+00" * 2 + "\tinf", "CS0203: X0 or Delta_X is no number of seconds"),
+    ("Delta_X" + "\t0.000100" * 3, "Delta_X\t1e300" + "\t0.000100" * 2, "CS0203: X0 or Delta_X is no number of seconds"),
+])
+def test_lvm_headers_that_contradict_themselves(tmp_path: Path, old: str, new: str, says: str) -> None:
+    path, text = tmp_path / "a.lvm", lvm([(0.0, VALUES[:5, :3])])
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(CompstiffError) as stopped:
+        read_lvm(path)
+    assert says in str(stopped.value)
+    if "Delta_X" in says:
+        assert stopped.value.findings[0].line == 17         # where the header of the block ends
+
+
+def test_lvm_of_no_channel(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    path.write_text(lvm([(0.0, VALUES[:5, :0])]))
+    with pytest.raises(CompstiffError, match="a.lvm:17: error CS0201: 0 channels with 0 values of X0 and 0 of Delta_X"):
+        read_lvm(path)
+
+
 def packets(rdt: np.ndarray, status: int = 0) -> np.ndarray:
     records = np.zeros(len(rdt), RECORD)
     records["rdt"], records["ft"], records["status"] = rdt % 2**32, 4 * rdt % 2**32, status
@@ -157,6 +207,26 @@ def test_convert(tmp_path: Path) -> None:
     run = CliRunner().invoke(compstiff, ["convert", str(tmp_path / "b.mat"), "--form", "kuka-kr300", "-o",
                                          str(tmp_path / "b.csv")])
     assert run.exit_code == 1
+
+
+@pytest.mark.parametrize("form", ["net-ft", "lvm", "metallicadour", "kuka-kr300"])
+def test_a_log_that_is_not_there_is_a_finding(tmp_path: Path, form: str) -> None:
+    with pytest.raises(CompstiffError) as stopped:
+        convert_log(tmp_path / "none", form)
+    assert [(finding.code, finding.file) for finding in stopped.value.findings] == [("CS0005", str(tmp_path / "none"))]
+    assert "cannot be read: " in str(stopped.value)
+
+
+def test_a_log_is_converted_to_parquet_too(tmp_path: Path) -> None:
+    """To the last digit, where CSV rounds to ten."""
+    (tmp_path / "a.rdt").write_bytes(packets(np.arange(40)).tobytes())
+    run = CliRunner().invoke(compstiff, ["convert", str(tmp_path / "a.rdt"), "--form", "net-ft", "-o",
+                                         str(tmp_path / "a.parquet")])
+    assert run.exit_code == 0, run.output
+    frame = pd.read_parquet(tmp_path / "a.parquet")
+    assert list(frame) == ["time_s", "fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"]
+    assert frame["time_s"].tolist() == [4 * k / 7000 for k in range(40)]
+    assert frame["mz_nm"].to_numpy() == pytest.approx(VALUES[:, 5], rel=1e-14)
 
 
 def with_units(text: str, *units: str) -> str:

@@ -129,6 +129,9 @@ def test_each_break_is_found(name: str, change: Callable[[str], str], code: str,
     ("load_path: serial", "load_path: serial\ncoupling: {joint: 3, driven_by: 3, ratio: 1}", "driven by itself"),
     ("load_path: serial", "load_path: drive\ncoupling: {joint: 3, driven_by: 2, ratio: -1, rod: false}",
      "load_path must be serial"),
+    ("load_path: serial\n", "", "load_path must be drive or serial where joints are given; received none"),
+    ("load_path: serial", "load_path: serial\ncoupling: {joint: 3, driven_by: 2, ratio: -1, window_deg: [5, 5]}",
+     "window_deg must be an ascending pair; received [5.0, 5.0]"),
     ("geometry: \"", "geometri: \"", "geometri"),
 ])
 def test_what_is_no_robot_file_is_refused_with_its_place(old: str, new: str, words: str, tmp_path: Path) -> None:
@@ -137,7 +140,25 @@ def test_what_is_no_robot_file_is_refused_with_its_place(old: str, new: str, wor
     with pytest.raises(CompstiffError) as refused:
         check_robot(path)
     assert any(words in str(finding) and finding.code == "CS0102" for finding in refused.value.findings)
+    assert not any("found {" in str(finding) for finding in refused.value.findings)
     assert any(finding.line for finding in refused.value.findings)
+
+
+def test_what_needs_joints_is_refused_without_them(tmp_path: Path) -> None:
+    """A file of a name and a prior alone is one, and reading a coupling past it would be silent."""
+    text = built_in_robots()[KUKA].read_text()
+    joints, prior, poses, sources = (text.index(f"\n{key}:") + 1 for key in ("joints", "prior", "poses", "sources"))
+    bare = text[:joints] + text[prior:poses] + text[sources:]
+    path = tmp_path / "mine.yaml"
+    path.write_text(bare)
+    assert read_robot(path, geometry=False).name == "kr210-r2700-extra"
+    for more in ("coupling: {joint: 3, driven_by: 2, ratio: -1}\n", text[poses:sources]):
+        path.write_text(bare + more)
+        with pytest.raises(CompstiffError) as refused:
+            read_robot(path, geometry=False)
+        (finding,) = refused.value.findings
+        assert (finding.code, finding.file) == ("CS0102", str(path))
+        assert finding.message == "coupling, links and poses need joints; received none"      # and not the whole file
 
 
 def test_a_window_that_no_angle_meets_is_said_once(tmp_path: Path) -> None:

@@ -144,6 +144,7 @@ def put(path: str, value: Any) -> Callable[[dict[str, Any]], None]:
     (lambda content: content["log_compliance"]["mean"].pop(), "CS1203.*log_compliance.mean has 9 values, expected 10"),
     (put("fit/noise", {"setup_relative": -0.1}), r"CS1203.*fit.noise.setup_relative is -0.1, a share from 0 to 10"),
     (put("fit/noise", {"setup_relative": "0.1"}), "CS1203.*setup_relative is '0.1', a share"),
+    (put("tool/position_mm", [120, 0]), r"CS1201.*tool\.position_mm"),
     (put("covariance/9/9", -1.0), "CS1203.*covariance is not positive semidefinite"),
 ])
 def test_files_that_are_refused(
@@ -151,6 +152,33 @@ def test_files_that_are_refused(
 ) -> None:
     content = json.loads(json.dumps(model.as_dict()))
     change(content)
+    with pytest.raises(CompstiffError, match=says):
+        read_stiffness(written(tmp_path, content), cell)
+
+
+@pytest.mark.parametrize(("correlation", "says"), [(-0.9, "CS1203: covariance: a correlation no positive stiffnesses can have"),
+                                                   (0.9, None)])
+def test_wide_stiffnesses_can_hardly_be_against_each_other(
+    tmp_path: Path, cell: Cell, model: IdentifiedModel, correlation: float, says: str | None
+) -> None:
+    """Numbers above zero of which each spreads by three times its mean are never far below both means, so E[k1 k2] > 0 sets a
+    bound to the covariance: above -E[k1] E[k2]."""
+    content = json.loads(json.dumps(model.as_dict()))
+    del content["log_compliance"]
+    covariance = np.array(content["covariance"])
+    size = [content["parameters"][k]["estimate"] * 30 for k in (0, 1)]
+    covariance[:2], covariance[:, :2] = 0, 0
+    covariance[0, 0], covariance[1, 1] = size[0] ** 2, size[1] ** 2
+    covariance[0, 1] = covariance[1, 0] = correlation * size[0] * size[1]
+    content["covariance"] = covariance.tolist()
+    if says is None:
+        read = read_stiffness(written(tmp_path, content), cell)
+        variance = np.diag(read.covariance)[:2]
+        # The moments of a log-normal law are the file's again.
+        mean = np.exp(-read.mean[:2] + 0.5 * variance)
+        np.testing.assert_allclose(mean**2 * np.expm1(variance), np.square(size))
+        assert mean.prod() * np.expm1(read.covariance[0, 1]) == pytest.approx(covariance[0, 1])
+        return
     with pytest.raises(CompstiffError, match=says):
         read_stiffness(written(tmp_path, content), cell)
 

@@ -10,6 +10,7 @@ import pytest
 import scipy.io
 
 from identification.common.findings import CompstiffError
+from identification.formats import kuka_kr300
 from identification.motion.log_file import is_motion_log, read_motion_log
 from tests.identification.motion.simulated_joint import columns, write
 
@@ -91,6 +92,28 @@ def test_other_matlab_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "b.mat").write_text("no")
     assert "CS0201" in failure(tmp_path / "b.mat")
     assert "has shape (6, 3)" in failure(kuka(tmp_path / "c.mat", act_torque_abs_nm=np.zeros((6, 3))))
+    clock = columns(0, {}, seconds=5)["time_s"]
+    for wrong in (clock[:-1], np.where(clock == clock[7], np.nan, clock)):
+        told = failure(kuka(tmp_path / "d.mat", time_cont=wrong))
+        assert f"d.mat: error CS0201: rec.time_cont has shape ({len(wrong)},), expected (1250,), in finite numbers" in told
+    content = scipy.io.loadmat(kuka(tmp_path / "e.mat"))
+    scipy.io.savemat(tmp_path / "e.mat", {"rec": content["rec"], "para": {"u": np.ones(5)}})
+    assert "e.mat: error CS0201: para.u has shape (5,), expected (6,)" in failure(tmp_path / "e.mat")
+
+
+def test_a_file_of_numbers_its_reader_does_not_end_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kuka_kr300, "PATIENCE_S", 0.01)
+    assert "a.mat: error CS0201: is not a MATLAB file that can be read: its reader took over 0.01 s" in failure(
+        kuka(tmp_path / "a.mat"))
+
+
+def test_a_log_that_is_not_there_or_short(tmp_path: Path) -> None:
+    assert not is_motion_log(tmp_path / "none.parquet")
+    (tmp_path / "no.parquet").write_text("no")
+    assert not is_motion_log(tmp_path / "no.parquet")
+    assert is_motion_log(tmp_path / "none.mat")
+    short = {name: column[:1] for name, column in columns(0, {}, seconds=5).items()}
+    assert "a.csv: error CS1501: has 1 sample\n" in failure(write(tmp_path / "a.csv", short))
 
 
 def test_a_record_with_a_step_and_no_clock(tmp_path: Path) -> None:
