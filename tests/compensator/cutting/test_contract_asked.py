@@ -99,16 +99,94 @@ def stopped_by(call: object, *arguments: object, **named: object) -> Finding:
 
 
 @pytest.mark.parametrize("second", ["[[0,0,0],[1,0,0,0]]", "[[0,0,1],[1,0,0,0]]"])
-def test_forces_from_the_stock_need_one_work_object(tmp_path: Path, second: str) -> None:
+def test_cuts_in_two_work_objects_are_refused(tmp_path: Path, second: str) -> None:
     """Also where the other one lies in the same place: its text may be another one's to change."""
     program = job(tmp_path, objects=second)
     found = stopped_by(predicted, tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
     assert (found.code, found.level, found.file) == ("CS4702", "error", str(program))
-    assert found.message == "the engagement needs one work object, and this program has wobj0 and wSecond"
+    assert found.message == "the stock stands in one work object, and this program cuts it in wobj0 and in wSecond"
     line = next(k for k, text in enumerate(program.read_text().splitlines(), 1) if "WObj:=wSecond" in text)
     assert (found.line, found.target) == (line, (len(SLOT) + 4) // 2 + 1)
     job(tmp_path)
     assert of_code(predicted(tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml"), "CS4706")
+
+
+TURNED = Rotation.from_euler("z", 90, degrees=True)
+ORIGIN = np.array([1000.0, -100.0, 500.0])
+TABLE = "carries: workobject"
+HOME = "MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v500,fine,tool0;"
+FAR = "MoveL [[960,0,{z}],[0,0,1,0],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],[18,500,5000,1000],fine,tSpindle;"
+
+
+def written(values: np.ndarray) -> str:
+    """As RAPID has them."""
+    return f"[{','.join(f'{value:.10f}' for value in values)}]"
+
+
+def in_own_object(folder: Path, air: str, unit: str = "") -> None:
+    """The slot and its stock in a work object of their own that is turned by 90 degrees; the moves in the air, at the feed of
+    the cut too, in wobj0. unit: what the
+    first move to joint angles has elsewhere."""
+    text = job(folder).read_text()
+    (folder / "stock.yaml").write_text(STOCK)
+    plain, moves = text.split("PROC main()\n")[0], text.split("PROC main()\n")[1].splitlines()[:-2]
+    down = (TURNED.inv() * Rotation.from_quat([0, 1, 0, 0])).as_quat()[[3, 0, 1, 2]]
+    cuts = []
+    for k, move in enumerate(moves):
+        x, y, z = (float(value) for value in move.partition("[[")[2].partition("]")[0].split(","))
+        own = TURNED.inv().apply(np.array([x, y, z]) - ORIGIN)
+        if 2 <= k < len(moves) - 2:
+            rest = move.partition("[0,0,1,0]")[2].replace("wobj0", "wPart")
+            cuts.append(f"MoveL [{written(own)},{written(down)}{rest}")
+    low, high = (TURNED.inv().apply(np.array(corner) - ORIGIN) for corner in ((1000, -20, 585), (1150, 20, 600)))
+    (folder / "stock.yaml").write_text(
+        f"box: {{from_mm: {np.minimum(low, high).round(6).tolist()}, to_mm: {np.maximum(low, high).round(6).tolist()}}}\n"
+        "resolution_mm: 0.5\nposition_std_mm: 0.01\n")
+    carried = 'FALSE,"UNIT"' if unit == TABLE else 'TRUE,""'
+    (folder / "slot.mod").write_text(
+        f"{plain}PERS wobjdata wPart:=[FALSE,{carried},"
+        f"[[0,0,0],[1,0,0,0]],[{written(ORIGIN)},{written(TURNED.as_quat()[[3, 0, 1, 2]])}]];\n"
+        f"PROC main()\n{HOME}\n{air}\n{FAR.format(z=597)}\n" + "\n".join(cuts)
+        + f"\n{FAR.format(z=640).replace('960', '1100')}\n{HOME}\nENDPROC\nENDMODULE\n")
+    if unit:
+        (folder / "cell.yaml").write_text(f"{CELL}mechanical_units:\n  - {{name: UNIT, {unit}, axes: [{{eax: a, kind: linear, "
+                                          "direction: [0, 1, 0]}]}\n")
+        homed, rest = (folder / "slot.mod").read_text().split("MoveL", 1)
+        (folder / "slot.mod").write_text(f"{homed.replace('[9E9', '[10')}MoveL{rest.replace('[9E9', '[0')}")
+
+
+@pytest.mark.parametrize(("air", "unit"), [
+    (FAR.replace("MoveL", "MoveJ"), ""), (FAR, ""), (FAR, "carries: robot"),
+    # More of them than there are cuts.
+    ("\n".join([FAR.replace("MoveL", "MoveJ")] * 80), ""), ("\n".join([FAR.replace("[18,", "[200,")] * 80), ""),
+    ("\n".join(["MoveL pElsewhere,[18,500,5000,1000],fine,tSpindle;"] * 80), "")])
+def test_moves_in_the_air_may_have_another_work_object(tmp_path: Path, air: str, unit: str) -> None:
+    """Most programs home in wobj0 before they cut in the object of the part, some of a robot on a track that
+    moves meanwhile. The forces are, in the base, those of the same cut in wobj0."""
+    def forces() -> np.ndarray:
+        cell = compstiff.read_cell(tmp_path / "cell.yaml")
+        settings = compstiff.Settings.of(predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+        found = compstiff.predict(cell, compstiff.read_toolpath(tmp_path / "slot.mod", cell), stiff(cell), None, settings)
+        return np.asarray(found.forces.wrench[:, :3])
+    job(tmp_path)
+    plain = forces()[2:-2]
+    in_own_object(tmp_path, air.format(z=640), unit)
+    own = forces()
+    assert np.abs(plain).max() > 100
+    first = len(own) - len(plain) - 2
+    assert not own[:first].any()
+    assert not own[-1].any()
+    np.testing.assert_allclose(own[first:-2], plain, atol=0.005 * np.abs(plain).max())
+
+
+def test_a_table_that_moves_between_two_work_objects_is_refused(tmp_path: Path) -> None:
+    """Its program is driven past the stock by both, and no path says how."""
+    in_own_object(tmp_path, FAR.format(z=640), TABLE)
+    found = stopped_by(predicted, tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+    assert (found.code, found.level, found.file, found.target) == ("CS4702", "error", str(tmp_path / "slot.mod"), 0)
+    assert (tmp_path / "slot.mod").read_text().splitlines()[(found.line or 0) - 1].startswith("MoveAbsJ")
+    assert found.message.startswith("an axis moves between wPart and wobj0 during the program")
+    assert found.hint == "state wPart in all moves, those to joint angles (MoveAbsJ) too"
 
 
 @pytest.mark.parametrize(("unit", "wobj", "turn_deg", "per_target"), [
