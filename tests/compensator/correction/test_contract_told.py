@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -94,3 +95,22 @@ def test_a_stated_depth_tells_the_cutting_stiffness_where_enough_targets_climb(
     stiffness = np.median(0.75 * 90 / (0.5 - 1e3 * np.array(aside))) * np.exp(0.3**2 / 2)
     std = 2 * stiffness * np.sqrt(np.expm1(0.3**2))
     assert found[0]["message"] == f"cutting stiffness by a depth of 0.5 mm: {stiffness:.3g} +- {std:.2g} N/mm (2 sigma)"
+
+
+@pytest.mark.parametrize(("count", "more"), [(20, ""), (21, "1 more target"), (25, "5 more targets")])
+@pytest.mark.parametrize("code", ["CS4106", "CS4103"])
+def test_of_many_targets_that_stop_the_job_the_rest_is_counted(tmp_path: Path, code: str, count: int, more: str) -> None:
+    """Twenty are told, and how many there are more, with the first of these."""
+    moves = []
+    for k in range(count):
+        move = at([10, 10, 10, 20, 0.04 + 0.002 * k if code == "CS4106" else 20, 30]).splitlines()[4]
+        moves.append(move if code == "CS4106" else re.sub(r"(\],\[)-?\d\.\d+", rf"\g<1>{2 + 0.01 * k:.2f}", move, count=1))
+    job = Job(tmp_path, kit.cell_text(), kit.module(moves), forces=HEAD + "".join(f"{k},1,0,0\n" for k in range(count)))
+    run = job.correct("--json")
+    found = of_code(run, code)
+    assert run.code == (3 if code == "CS4106" else 1), run
+    words = {"CS4106": "at the wrist singularity after correction, or past it",
+             "CS4103": "with force and an unusable quaternion"}[code]
+    assert len(found) == (21 if more else 20)
+    assert [(one["target"], one["line"], one["message"]) for one in found[20:]] == (
+        [(20, 25, f"{more} {words}")] if more else [])

@@ -254,6 +254,26 @@ def test_the_table_needs_a_material_and_a_feed(
     assert (found.code, found.level, found.file, found.message) == ("CS4731", "error", str(tmp_path / file), words)
 
 
+def test_feeds_that_the_table_does_not_know_are_told(tmp_path: Path) -> None:
+    """Where only the air's 200 mm/s stand in the file the chip would be that: 0.444 mm of 9000 a minute and three teeth."""
+    program = job(tmp_path)
+    text = program.read_text()
+    program.write_text(text.replace("[18,500,5000,1000]", "vOfAnother").replace("MoveL", "MoveJ", 1))
+    (found,) = of_code(from_table(tmp_path).findings, "CS4753")
+    assert (found.level, found.file) == ("warning", str(program))
+    assert found.message == (f"the feed of {len(SLOT)} of {len(SLOT) + 3} moves that may cut is not known: the chip is that of "
+                             "the others, 200 mm/s or 0.444 mm a tooth")
+    program.write_text(text.replace("[200,500,5000,1000]", "vOfAnother"))
+    (found,) = of_code(from_table(tmp_path).findings, "CS4753")
+    assert found.message.startswith(f"the feed of 4 of {len(SLOT) + 4} moves ")
+    assert found.message.endswith("18 mm/s or 0.04 mm a tooth")
+    # Joint moves cut nothing.
+    program.write_text(text.replace("[200,500,5000,1000]", "vOfAnother").replace("MoveL", "MoveJ", 1))
+    assert "the feed of 3 of" in of_code(from_table(tmp_path).findings, "CS4753")[0].message
+    job(tmp_path)
+    assert not of_code(from_table(tmp_path).findings, "CS4753")
+
+
 @pytest.mark.parametrize(("stated", "said"), [("", True), ("position_std_mm: 0.1\n", False)])
 def test_that_nobody_stated_where_the_stock_stands_is_told(tmp_path: Path, stated: str, said: bool) -> None:
     """With what is taken, 0.1 mm (docs/cutting.md)."""
