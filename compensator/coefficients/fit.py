@@ -167,12 +167,13 @@ def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings =
     coefficients = Coefficients(mean, covariance, TABLE_MODEL_ERROR, cutter, material, None,
                                 {"from": "table", "spindle_rpm": rpm})
     said = [] if len(feed) == count else [Finding(
-        "CS4753", "warning", f"the feed of {count - len(feed)} of {counted(count, 'move')} that may cut is not known: the chip is "
-        f"that of the others, {1e3 * float(np.median(feed)):.4g} mm/s or {1e3 * chip:.3g} mm a tooth", file=toolpath.source,
-        hint="is that the feed of the cut, or of the air? Declare the speeds in this file")]
+        "CS4753", "warning", f"the feed of {count - len(feed)} of {counted(count, 'move')} that may cut is not known: the chip "
+        f"is that of the others, {1e3 * float(np.median(feed)):.4g} mm/s or {1e3 * chip:.3g} mm a tooth",
+        file=toolpath.source, hint="is that the feed of the cut, or of the air? Declare the speeds in this file")]
     depth = 1e-3 * (cell.cutting.contact_mm or 1.0)
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), None, None,
-                              next_cut(mean, covariance, cutter, depth, chip, 0.5), (*assumed, *said, *said_of_cutter(cell, cutters)))
+                              next_cut(mean, covariance, cutter, depth, chip, 0.5),
+                              (*assumed, *said, *said_of_cutter(cell, cutters)))
 
 
 def before(cell: Cell, chip: float) -> tuple[Array, Array, str | None, list[Finding]]:
