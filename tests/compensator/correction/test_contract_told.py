@@ -114,3 +114,39 @@ def test_of_many_targets_that_stop_the_job_the_rest_is_counted(tmp_path: Path, c
     assert len(found) == (21 if more else 20)
     assert [(one["target"], one["line"], one["message"]) for one in found[20:]] == (
         [(20, 25, f"{more} {words}")] if more else [])
+
+
+@pytest.mark.parametrize("force", [0, 60])
+def test_where_nothing_is_predicted_no_correction_is_advised(tmp_path: Path, force: int) -> None:
+    """`correct` would be refused."""
+    job = Job(tmp_path, program=kit.module([kit.move(text) for text in line(5, 10).text]),
+              forces=HEAD + "".join(f"{k},{force},{force},{-force}\n" for k in range(5)))
+    run = job.predict("--report", tmp_path / "page.html")
+    assert run.code == 0, run
+    page = (tmp_path / "page.html").read_text()
+    assert ("next: compstiff correct" in run.err) == ("compstiff correct" in page) == bool(force)
+    assert ("NOTHING PREDICTED" in page) == ("There is nothing to correct" in page) == (not force)
+    assert f"{5 if force else 0} with force" in run.out
+
+
+@pytest.mark.parametrize(("limit", "word"), [
+    (100, "WITHIN THE TOLERANCE ONCE CORRECTED"), (1, "THE TOLERANCE MAY FAIL EVEN CORRECTED")])
+def test_a_budget_is_told_in_the_terminal_and_judged_on_the_page(tmp_path: Path, limit: int, word: str) -> None:
+    """By a tolerance that is kept and by one that is not; the figures of both are those of --json."""
+    job = Job(tmp_path, program=kit.module([kit.move(text) for text in line(5, 10).text]),
+              forces=HEAD + "".join(f"{k},60,90,-120\n" for k in range(5)))
+    options = ("--budget", "--tolerance-um", limit, "--report", tmp_path / "page.html", "--force")
+    told = job.predict(*options, "--json").json["result"]["budget"]
+    run = job.predict(*options)
+    assert run.code == 0, run
+    two = told["two_sigma_um"]
+    assert (f"error budget for {limit} um: uncorrected {told['uncorrected_over']} of 5 targets over it; corrected, two sigma "
+            f"are {two['rms']:.1f} um RMS, {two['largest']:.1f} um at most, and {told['over']} over it") in run.out
+    assert told["over"] == (5 if limit == 1 else 0)
+    assert ("  may fail at lines 5 to 9: up to" in run.out) == (limit == 1)
+    assert word in (tmp_path / "page.html").read_text()
+    causes = {cause: of for cause, of in told["causes"].items() if of["two_sigma_um"]["largest"]}
+    assert sum(" % of the tolerance (two sigma" in text for text in run.out.splitlines()) == len(causes) > 2
+    for remedy in told["remedies"]:
+        assert (f"  gains {remedy['gain_um']:.1f} um of {two['rms']:.1f} (then {remedy['over']} over): {remedy['do']} "
+                f"[{remedy['effort']}]") in run.out

@@ -98,6 +98,12 @@ def stopped_by(call: object, *arguments: object, **named: object) -> Finding:
     return found
 
 
+def stopped_by_all(call: object, *arguments: object) -> tuple[Finding, ...]:
+    with pytest.raises(CompstiffError) as stopped:
+        call(*arguments)  # type: ignore[operator]
+    return stopped.value.findings
+
+
 @pytest.mark.parametrize("second", ["[[0,0,0],[1,0,0,0]]", "[[0,0,1],[1,0,0,0]]"])
 def test_cuts_in_two_work_objects_are_refused(tmp_path: Path, second: str) -> None:
     """Also where the other one lies in the same place: its text may be another one's to change."""
@@ -252,6 +258,45 @@ def test_the_table_needs_a_material_and_a_feed(
         return
     found = stopped_by(from_table, tmp_path)
     assert (found.code, found.level, found.file, found.message) == ("CS4731", "error", str(tmp_path / file), words)
+
+
+@pytest.mark.parametrize(("corner", "words"), [
+    (8.0, ""), (8.001, "cutting.corner_radius_mm is 8.001, expected at most half the diameter, 8")])
+def test_a_rounding_beyond_a_ball_s_is_refused(tmp_path: Path, corner: float, words: str) -> None:
+    job(tmp_path, cell=CELL.replace("teeth: 3", f"teeth: 3, corner_radius_mm: {corner}"))
+    if not words:
+        assert from_table(tmp_path).coefficients.cutter.ball
+        return
+    found = stopped_by(from_table, tmp_path)
+    assert (found.code, found.level, found.file, found.message) == ("CS4701", "error", str(tmp_path / "cell.yaml"), words)
+    assert found.hint == "a ball has just half the diameter"
+
+
+@pytest.mark.parametrize(("top", "said"), [(597.0, True), (597.5, False)])
+def test_a_stock_that_the_program_does_not_touch_is_told(tmp_path: Path, top: float, said: bool) -> None:
+    """The slot is at 597 mm: under its top there is something to cut."""
+    job(tmp_path, stock=STOCK.replace("600]", f"{top}]"))
+    findings = predicted(tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+    assert [(one.level, one.message, one.file) for one in of_code(findings, "CS4709")] == (
+        [("warning", "the program touches its stock nowhere", str(tmp_path / "stock.yaml"))] if said else [])
+    (engaged,) = of_code(findings, "CS4706")
+    assert engaged.message.endswith("engagement: the program touches its stock nowhere") == said
+    assert not of_code(findings, "CS4748")
+    assert not of_code(findings, "CS4749")
+
+
+def test_a_program_that_cuts_nothing_of_its_stock_is_not_corrected(tmp_path: Path) -> None:
+    """And the stock is named, not a log that nobody took."""
+    job(tmp_path, stock=STOCK.replace("600]", "597]"))
+    cell = compstiff.read_cell(tmp_path / "cell.yaml")
+    settings = compstiff.Settings.of(predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+    found = compstiff.predict(cell, compstiff.read_toolpath(tmp_path / "slot.mod", cell), stiff(cell), None, settings)
+    stopped = stopped_by_all(compstiff.correct, found)
+    (refused,) = of_code(stopped, "CS3086")
+    assert (refused.level, refused.file, refused.message) == (
+        "error", str(tmp_path / "stock.yaml"), "nothing is corrected: by this stock no move has a force that is known")
+    assert "where does the stock stand" in refused.hint
+    assert of_code(stopped, "CS4709")
 
 
 def test_feeds_that_the_table_does_not_know_are_told(tmp_path: Path) -> None:
