@@ -545,7 +545,8 @@ def test_a_home_of_another_tool_and_work_object_does_not_stop_a_log(tmp_path: Pa
     own, from samples about it."""
     def planned(second: str) -> RobotPath:
         moves = "\n".join(
-            f"MoveL [[{1000 + 10 * i},0,700],{TURN},v100,fine,tSpindle\\WObj:={second if i == 4 else 'wPart'};" for i in range(5))
+            f"MoveL [[{1000 + 10 * i},0,700],{TURN},v100,fine,tSpindle\\WObj:={second if i == 4 else 'wPart'};"
+            for i in range(5))
         data = ("PERS tooldata tSpindle:=[TRUE,[[120,0,250],[1,0,0,0]],[5,[0,0,90],[1,0,0,0],0,0,0]];\n" + "".join(
             f"PERS wobjdata {name}:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,50,100],[1,0,0,0]]];\n"
             for name in ("wPart", "wTwo")))
