@@ -220,8 +220,7 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     cuts in another work object, CS4703 no spindle speed, CS4715 an STL that lies away from the program, and what `read_stock`
     raises.
     """
-    number = stock_object(path)
-    cell, path = path.cell, in_object(path, number)
+    cell = path.cell
     turned = next((finding for finding in path.toolpath.findings if finding.code == "CS2116"), None)
     if turned is not None:
         raise Refused(Finding("CS4744", "error", "the spindle turns counterclockwise, and the force coefficients are those of "
@@ -233,6 +232,8 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
         raise error("CS4703", "the chip's thickness needs the spindle's speed", file=str(cell.source),
                     hint="--spindle-rpm, or force_log.spindle_rpm in cell.yaml")
     blank = stock if isinstance(stock, Blank) else read_stock(stock)
+    number = stock_object(path)
+    path = in_object(path, number)
     off = None if aside is None else path.base_from_object.inverse().turn(aside)
     piece = min(LONGEST, SHARE * cutter.radius)
     ball = cutter.radius if cutter.ball else 0.0
