@@ -25,6 +25,7 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
     ("identification/design/domain.py", "inside = self.rig.cell.robot.limits + self.margins.joint * np.array([1.0, -1.0])",
      "* -> /", "by plus and minus one"),
     ("identification/design/discrimination.py", "if self.after > DOUBTFUL:", "> -> >=", "a share that is met by none"),
+    ("compensator/rapid/values.py", "for _ in range(20):", "20 -> (20 * 2)", "no constant stands for so many others"),
     ("compensator/toolpath.py", "ABSOLUTE = 4        # MoveAbsJ: joint angles, no pose", "4 -> (4 * 2)",
      "a name for a kind of move: any number that is none of the others"),
     ("compensator/path/route.py", "near = corners if share <= 0.5 else after[corners]", "<= -> <",

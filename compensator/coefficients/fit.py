@@ -28,6 +28,7 @@ from compensator.cutting.stock_file import Blank, read_stock
 from compensator.forces.placement import ForceLog
 from compensator.forces.target_forces import TargetForces
 from compensator.posting.read_toolpath import PlannedProgram
+from compensator.toolpath import Move
 from identification.common.arrays import Array
 from identification.common.files import sha256
 from identification.common.findings import Finding, Refused, counted, error, verb
@@ -156,16 +157,23 @@ def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings =
     if cell.cutting.material is None:
         raise error("CS4731", "without a log the coefficients come from the table, and cutting.material is not stated",
                     file=str(cell.source), hint="state cutting.material in cell.yaml, or name a log (--forces)")
-    feed = program.toolpath.feed[np.isfinite(program.toolpath.feed) & ~program.air]
+    toolpath = program.toolpath
+    may_cut = ~program.air & ~np.isin(toolpath.move, (Move.JOINT, Move.ABSOLUTE))
+    feed, count = toolpath.feed[may_cut & np.isfinite(toolpath.feed)], int(may_cut.sum())
     if not len(feed):
-        raise error("CS4731", "the program states no feed", file=program.toolpath.source, hint="the chip's thickness needs it")
+        raise error("CS4731", "the program states no feed", file=toolpath.source, hint="the chip's thickness needs it")
     chip = float(np.median(feed)) * 60 / rpm / cutter.teeth
     mean, covariance, material, assumed = before(cell, chip)
     coefficients = Coefficients(mean, covariance, TABLE_MODEL_ERROR, cutter, material, None,
                                 {"from": "table", "spindle_rpm": rpm})
+    said = [] if len(feed) == count else [Finding(
+        "CS4753", "warning", f"the feed of {count - len(feed)} of {counted(count, 'move')} that may cut is not known: the chip "
+        f"is that of the others, {1e3 * float(np.median(feed)):.4g} mm/s or {1e3 * chip:.3g} mm a tooth",
+        file=toolpath.source, hint="is that the feed of the cut, or of the air? Declare the speeds in this file")]
     depth = 1e-3 * (cell.cutting.contact_mm or 1.0)
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), None, None,
-                              next_cut(mean, covariance, cutter, depth, chip, 0.5), (*assumed, *said_of_cutter(cell, cutters)))
+                              next_cut(mean, covariance, cutter, depth, chip, 0.5),
+                              (*assumed, *said, *said_of_cutter(cell, cutters)))
 
 
 def before(cell: Cell, chip: float) -> tuple[Array, Array, str | None, list[Finding]]:

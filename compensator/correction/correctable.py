@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +12,14 @@ from compensator.correction.driven_axes import said_of_axes, unknown_axes
 from compensator.forces.target_forces import TargetForces
 from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Toolpath
-from identification.common.findings import CompstiffError, Finding, Refused
+from identification.common.findings import CompstiffError, Finding, Refused, counted
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # What is said of where a move with force stands.
 OF_PLACES = ("CS4104", "CS4105")
+# So many targets are told one by one.
+MOST_TOLD = 20
 BEYOND = 1e-7       # joint limits that are exceeded by more [rad] are exceeded
 
 
@@ -34,7 +37,8 @@ def targets_to_correct(path: RobotPath, forces: TargetForces) -> tuple[Indices, 
     unusable = [i for i in blocked if np.isfinite(toolpath.position[i]).all() and np.isnan(toolpath.quaternion[i]).any()]
     if unusable:
         raise CompstiffError(*(path.finding(i, "CS4103", "error", f"a move with force: {toolpath.block[i]}",
-                                  "post the program again with a unit quaternion w x y z") for i in unusable[:20]))
+                                  "post the program again with a unit quaternion w x y z") for i in unusable[:MOST_TOLD]),
+                             *and_more(path, unusable, "CS4103", "with force and an unusable quaternion"))
     findings = [path.finding(i, "CS4101", "warning",
                              f"a move with force stays uncorrected: {toolpath.block[i]}") for i in blocked]
     by_joints = np.isnan(toolpath.position[rest]).any(axis=1)
@@ -51,6 +55,12 @@ def targets_to_correct(path: RobotPath, forces: TargetForces) -> tuple[Indices, 
         raise Refused(replace(first, count=len(lost)))
     refuse_outside(path, rest, path.theta[rest], "as planned")
     return rest, findings + said_of_axes(path, rest)
+
+
+def and_more(path: RobotPath, targets: Sequence[int], code: str, what: str) -> list[Finding]:
+    """An error at the first of the targets after MOST_TOLD, which says how many there are; none where all were told."""
+    rest = targets[MOST_TOLD:]
+    return [path.finding(int(rest[0]), code, "error", f"{counted(len(rest), 'more target')} {what}")] if len(rest) else []
 
 
 def check_known(toolpath: Toolpath) -> None:

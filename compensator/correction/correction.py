@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.before_touch import held_beside_air
 from compensator.correction.corners import sharp_corners
-from compensator.correction.correctable import refuse_outside
+from compensator.correction.correctable import MOST_TOLD, and_more, refuse_outside
 from compensator.correction.forward import loaded_blocks, off_goal, resting_angles
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.prediction import Prediction
@@ -332,7 +332,9 @@ def _singularity(path: RobotPath, targets: Indices, theta: Array) -> list[Findin
                                      f"singularity, to {np.degrees(distance[i]):.3f} deg on the other side" if crossed[i] else
                                      f"axis 5 is {np.degrees(distance[i]):.3f} deg from the wrist singularity after "
                                      f"correction, at least {np.degrees(SINGULAR):g} deg are needed",
-                                     "turn the part or the tool so that axis 5 stays away from zero") for i in bad[:20]))
+                                     "turn the part or the tool so that axis 5 stays away from zero") for i in
+                        bad[:MOST_TOLD]),
+                      *and_more(path, targets[bad].tolist(), "CS4106", "at the wrist singularity after correction, or past it"))
     near = np.flatnonzero(distance < NEARLY_SINGULAR)
     if not len(near):
         return []

@@ -138,6 +138,10 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None, offsets: Path | 
     program, cell = planned.program.source, planned.cell.source
     if program is None or cell is None or planned.model.source is None:
         return []
+    if not len(planned.targets):
+        return [Step("There is nothing to correct. Is it the log of the pass that cut, with its forces in newtons?"
+                     if planned.forces.log.predicted is None else
+                     "There is nothing to correct. Where does the stock stand in the program's work object?")]
     stem = toolpath_stem(program)
     # Forces that were predicted are named by --predict-force.
     log = () if planned.forces.log.predicted is not None else ("--forces", planned.forces.log.source)

@@ -21,6 +21,10 @@ def nothing_corrected(planned: Predicted, predicted: Predicted, correction: Corr
             int(planned.targets[0]), "CS3086", "error", "nothing is corrected: the tool cuts between targets that stand in the "
             f"air, and {own}", "let the post write a target where the tool enters the stock and one where it leaves, or moves "
             "that stand one a line")
+    if not len(forced) and predicted.forces.log.predicted is not None:
+        return Finding("CS3086", "error", "nothing is corrected: by this stock no move has a force that is known",
+                       file=str(planned.settings.cutting.stock), hint="the warnings say why; where does the stock stand in the "
+                       "program's work object?")
     if not len(forced):
         return Finding("CS3086", "error", "nothing is corrected: by this log no move has force", file=log,
                        hint="is it the log of the pass that cut, with its forces in newtons? A program that does not cut is "

@@ -15,7 +15,7 @@ from compensator.cutting.cutter import Cutter, cutter_of, said_of_cutter
 from compensator.cutting.removal import Engagement, mill_through
 from compensator.cutting.stock import Stock, more_layers
 from compensator.cutting.stock_file import Blank, read_stock
-from compensator.cutting.track import Track, track_of
+from compensator.cutting.track import Track, in_object, refuse_other_objects, stock_object, track_of
 from compensator.path.driven_path import DrivenPath, driven_path
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
@@ -217,7 +217,8 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     where the tool stood off the plan; step [m]: also with all of it aside by so much (`change`).
 
     Raises Refused (CS4744): a file that turns the spindle counterclockwise. CompstiffError: what `cutter_of` raises, CS4702
-    another work object, CS4703 no spindle speed, CS4715 an STL that lies away from the program, and what `read_stock` raises.
+    cuts in another work object, CS4703 no spindle speed, CS4715 an STL that lies away from the program, and what `read_stock`
+    raises.
     """
     cell = path.cell
     turned = next((finding for finding in path.toolpath.findings if finding.code == "CS2116"), None)
@@ -231,11 +232,13 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
         raise error("CS4703", "the chip's thickness needs the spindle's speed", file=str(cell.source),
                     hint="--spindle-rpm, or force_log.spindle_rpm in cell.yaml")
     blank = stock if isinstance(stock, Blank) else read_stock(stock)
+    number = stock_object(path)
+    path = in_object(path, number)
     off = None if aside is None else path.base_from_object.inverse().turn(aside)
     piece = min(LONGEST, SHARE * cutter.radius)
     ball = cutter.radius if cutter.ball else 0.0
     driven = driven_path(path)
-    run = path if driven is None else driven.run
+    run = path if driven is None else in_object(driven.run, number)
     off = off if off is None or driven is None else off[driven.order]
     track = track_of(run, cutter.teeth, 60 / speed, piece, off, ball)
     _check_near(blank, track, cutter)
@@ -248,6 +251,7 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     if off is not None:
         made = more_layers(made, levels, _heights(track, sideways) - levels, YIELDED)
     engagement, left = mill_through(made, track, cutter, step)
+    refuse_other_objects(run, number, track, engagement.cuts)
     if (track.start[:, 2] + cutter.flute < made.height[-1]).any():
         whole, _ = mill_through(made, track, replace(cutter, flute=np.inf))
         deeper = whole.depth > np.minimum(engagement.depth, cutter.flute) + DEEPER

@@ -26,6 +26,8 @@ SURE, MISFIT, SMALL = np.log(20.0), 1.5, 0.06
 # 1 sigma of a cause before it was looked at: shares of the force, and how far a stock may stand aside [m].
 SHARE, FAR = 0.7, 1e-3
 CAUSES = ("wear", "chip", "strength", "stock")
+# A log that is off by a larger share of its force agrees with nothing: what is expected is not known (engineering judgement).
+AGREES = 0.25
 # Anything else: 1 sigma of each coefficient, as a share of the largest of its kind, and of a turn of the force [rad].
 OTHER, TURNED = 0.5, 0.3
 # No share of a cause is beyond these.
@@ -36,7 +38,7 @@ LEAST_SHARE, MOST_SHARE = -0.6, 3.0
 class Disagreement:
     """verdict; causes: the likeliest first, those within 20 to 1; odds: ln of the likeliest against none; size: of the
     likeliest, a share, or (3,) [m] in the work object; expected, left: RMS [N] of the log less what is expected, before and
-    with the likeliest cause; force: RMS [N] of the log."""
+    with the likeliest cause; force: RMS [N] of the log; known: 1 sigma, RMS [N], of what is expected."""
 
     verdict: Verdict
     causes: tuple[str, ...]
@@ -45,12 +47,16 @@ class Disagreement:
     expected: float
     left: float
     force: float
+    known: float
 
     def words(self) -> str:
         """For people: one sentence."""
         off = f"the log is off what the stock lets expect by {self.expected:.1f} N RMS, of {self.force:.0f} N"
         if self.verdict == "adequate":
-            return f"{off}: they agree"
+            if self.expected <= AGREES * self.force:
+                return f"{off}: they agree"
+            return (f"{off}: they do not contradict each other, and more cannot be told: what is expected is known to "
+                    f"{self.known:.0f} N (1 sigma)")
         if self.verdict == "unknown":
             return f"{off}: no cause that is known explains that by itself (wear, speed, material, place of the stock)"
         told = [self._told(cause) for cause in self.causes]
@@ -95,6 +101,7 @@ def disagreement(rows: ForceRows, coefficients: Coefficients, position_std: floa
         PLACE * rows.slope(mean)) ** 2
     off = rows.force - expected
     scale = np.sqrt(variance)
+    known_to = _rms(np.linalg.norm(np.concatenate(always, axis=2), axis=2))
     # Gross ones are cut off; the memory of what no cause explains.
     _, _, left_by_all = _solved(off, scale, [*always, *further.values()], 1.0)
     kept = np.abs(left_by_all / scale) < 6
@@ -110,11 +117,11 @@ def disagreement(rows: ForceRows, coefficients: Coefficients, position_std: floa
     force = _rms(rows.force)
     if best - none < SURE:
         verdict: Verdict = "adequate" if _fits(left_by_none, scale, force) else "unknown"
-        return Disagreement(verdict, (), float(best - none), (), _rms(off), _rms(left_by_none), force)
+        return Disagreement(verdict, (), float(best - none), (), _rms(off), _rms(left_by_none), force, known_to)
     near = tuple(cause for cause in order if best - solved[cause][0] < SURE)
     possible = near[0] != "other" and (near[0] == "stock" or LEAST_SHARE < share[0] < MOST_SHARE)
     verdict = ("unknown" if not possible or not _fits(left, scale, force) else "named" if len(near) == 1 else "ambiguous")
-    return Disagreement(verdict, near, float(best - none), share, _rms(off), _rms(left), force)
+    return Disagreement(verdict, near, float(best - none), share, _rms(off), _rms(left), force, known_to)
 
 
 def _solved(off: Array, scale: Array, columns: list[Array], memory: float) -> tuple[float, Array, Array]:

@@ -49,7 +49,7 @@ def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path
     force = cut.per_step @ coefficients.mean
     follows = cut.change(coefficients.mean) / step
     covariance = _not_known(cut.per_step, coefficients, _worn(path.cell, coefficients), blank.position_std * follows)
-    follows = follows @ path.base_from_object.rotation[cut.track.target].swapaxes(1, 2)
+    follows = follows @ cut.path.base_from_object.rotation[cut.track.target].swapaxes(1, 2)
     # A target with a step of unknown force has none, and stays as it is.
     lost = cut.unknown[cut.track.target]
     force[lost], covariance[lost], follows[lost] = 0.0, 0.0, 0.0

@@ -6,16 +6,18 @@ stands a radius under that. So the track of a ball is that of this tip, and what
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.forces.program_time import moves_in_air
 from compensator.path.arc_length import nearest_target, polyline
 from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Move
 from identification.common.arrays import Array, read_only
-from identification.common.findings import error
+from identification.common.findings import CompstiffError
+from identification.model.rotations import Frame
 
 Indices = NDArray[np.intp]
 
@@ -49,27 +51,64 @@ class Track:
         return len(self.place)
 
 
+def stock_object(path: RobotPath) -> int:
+    """The number of the work object that most moves have of those that may cut: no joint moves, nor at the speed of the air."""
+    toolpath = path.toolpath
+    linear = path.known & ~_by_joints(toolpath.move)
+    cutting = linear & ~moves_in_air(toolpath)
+    which = next((some for some in (cutting, linear) if some.any()), slice(None))
+    return int(np.argmax(np.bincount(toolpath.workobject[which])))
+
+
+def in_object(path: RobotPath, number: int) -> RobotPath:
+    """The path with this work object at every target: where the arm takes the moves of others, seen from there.
+
+    Raises CompstiffError (CS4702) where a unit moves this one and not another meanwhile, or the reverse.
+    """
+    toolpath, axes = path.toolpath, path.axes
+    others = np.flatnonzero(toolpath.workobject != number)
+    if not len(others):
+        return path
+    first = np.flatnonzero(toolpath.workobject == number)[:1]
+    apart = others[axes.carrier[others] != axes.carrier[first]]
+    if axes.moves and len(apart):
+        names = [toolpath.workobjects[item].name for item in (number, int(toolpath.workobject[apart[0]]))]
+        raise CompstiffError(path.finding(
+            int(apart[0]), "CS4702", "error", f"an axis moves between {' and '.join(names)} during the program, and where the "
+            "stock stands is known in one work object", f"state {names[0]} in all moves, those to joint angles (MoveAbsJ) too"))
+    rest = axes.to_rest(path.base_from_object[first], first)[0]
+    return replace(path, base_from_object=axes.to_base(Frame.shared(rest, len(toolpath))))
+
+
+def refuse_other_objects(path: RobotPath, number: int, track: Track, cuts: NDArray[np.bool_]) -> None:
+    """Raises CompstiffError (CS4702) where linear moves of another work object than this cut the stock. cuts (S,): the steps
+    that do. A joint move may: its way is not known, nor is its force."""
+    toolpath = path.toolpath
+    others = np.unique(track.move[cuts & ~track.joint & (toolpath.workobject[track.move] != number)])
+    if not len(others):
+        return
+    other = int(others[0])
+    names = [toolpath.workobjects[item].name for item in (number, int(toolpath.workobject[other]))]
+    raise CompstiffError(path.finding(
+        other, "CS4702", "error", f"the stock stands in one work object, and this program cuts it in {' and in '.join(names)}",
+        "one program a work object; moves that cut nothing may have others"))
+
+
+def _by_joints(move: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    return np.asarray(np.isin(move, (Move.JOINT, Move.ABSOLUTE)))
+
+
 def track_of(
     path: RobotPath, teeth: int, revolution: float, step: float, aside: Array | None = None, ball: float = 0.0
 ) -> Track:
     """The path of the tip in steps of at most `step` [m]; revolution [s] of the spindle; aside (N, 3) [m], work object: where
     the tool stood off the path at the targets, None: on it; ball [m]: radius of a cutter that is one, 0: it is not.
-
-    Raises CompstiffError (CS4702) for a program of several work objects. One that a unit carries may move.
     """
     toolpath = path.toolpath
     known = np.flatnonzero(path.known & ~np.isnan(path.length))
-    in_object = path.base_from_object.inverse() @ path.base_from_tcp
-    points, length = polyline(np.where(path.known[:, None], in_object.position, np.nan), toolpath.move)
-    used, begins = np.unique(toolpath.workobject[known], return_index=True)
-    if len(used) > 1:
-        in_turn = used[np.argsort(begins)]
-        other = int(known[np.sort(begins)[1]])
-        raise error("CS4702", "the engagement needs one work object, and this program has "
-                    f"{' and '.join(toolpath.workobjects[number].name for number in in_turn)}", file=toolpath.source,
-                    line=int(toolpath.line[other]), target=other, hint="one program a work object, and moves to joint angles "
-                    "(MoveAbsJ) and through the air state it too")
-    up = in_object.rotation[known, :, 2] * np.where(in_object.rotation[known, 2:, 2] < 0, -1.0, 1.0)
+    tcp = path.base_from_object.inverse() @ path.base_from_tcp
+    points, length = polyline(np.where(path.known[:, None], tcp.position, np.nan), toolpath.move)
+    up = tcp.rotation[known, :, 2] * np.where(tcp.rotation[known, 2:, 2] < 0, -1.0, 1.0)
     upright = np.array([0.0, 0.0, 1.0])
 
     def axis_at(places: Array) -> Array:
@@ -96,6 +135,6 @@ def track_of(
     move = known[np.clip(np.searchsorted(path.length[known], place, side="left"), 0, len(known) - 1)]
     done = (high - low) * span[owner]
     chip = toolpath.feed[move] * faster[owner] * revolution / teeth
-    joint = np.isin(toolpath.move[move], (Move.JOINT, Move.ABSOLUTE))
+    joint = _by_joints(toolpath.move[move])
     return Track(start[kept], end[kept], place[kept], done[kept], target[kept], move[kept], chip[kept], joint[kept],
                  axis_at(place[kept]))

@@ -96,6 +96,7 @@ class Health:
     backwards: int = 0
     first_backwards: int = 0
     repeated: int = 0
+    first_repeated: int = 0
     last_time: float | None = None
     last_sequence: float | None = None
     last_load: Array | None = None
@@ -232,7 +233,9 @@ class Health:
         step = np.diff(samples.sequence, prepend=samples.sequence[0] - 1 if self.last_sequence is None else self.last_sequence)
         self.last_sequence = float(samples.sequence[-1])
         again, missing = np.flatnonzero(step == 0), np.flatnonzero(step > 1)
-        self.repeated += len(again)
+        if len(again):
+            self.repeated += len(again)
+            self.first_repeated = self.first_repeated or int(samples.line[again[0]])
         # Where times tell of a gap, the same loss is not counted twice.
         if len(missing) and (self.period is None or samples.time is None):
             self.gaps += len(missing)
@@ -346,7 +349,7 @@ class Health:
         if self.repeated:
             findings.append(Finding(
                 "CS3025", "warning", f"{counted(self.repeated, 'sample')} with the sequence number of the one before",
-                file=self.source))
+                file=self.source, line=self.first_repeated))
         if self.backwards:
             findings.append(Finding(
                 "CS3025", "warning", f"time runs back {self.backwards} times: more than one log in this file, or a clock that "

@@ -88,7 +88,7 @@ class TimeAlignment:
 
     @property
     def against(self) -> tuple[str, ...]:
-        """What speaks against it, for people."""
+        """What speaks against it, for people; what there is of odd stretches is the last."""
         reasons = []
         if self.share < LOWEST_SHARE:
             reasons.append(f"{100 * self.share:.0f} % of the force follows the program, at least "
@@ -110,8 +110,6 @@ class TimeAlignment:
         if self.spread_on_cuts > MOST_SPREAD:
             reasons.append(f"1 sigma of the place would be {1e3 * self.spread_on_cuts:.0f} mm, at most "
                            f"{1e3 * MOST_SPREAD:.0f} mm may be")
-        if len(self.odd) > MOST_ODD:
-            reasons.append(f"in {len(self.odd)} stretches the force does not follow the program, at most {MOST_ODD} may be so")
         if self.covered < LEAST_COVERED:
             reasons.append(f"it would be {100 * self.covered:.0f} % of the program alone, at least {100 * LEAST_COVERED:.0f} % "
                            "are needed")
@@ -119,6 +117,8 @@ class TimeAlignment:
             shown = ", ".join(f"{abs(size):.1f} s {'lost' if size < 0 else 'gained'} at {at:.0f} s of the program"
                               for at, size in self.leaps[:3])
             reasons.append(f"the log does not keep pace with the program, as where it stood still: {shown}")
+        if len(self.odd) > MOST_ODD:
+            reasons.append(f"in {len(self.odd)} stretches the force does not follow the program, at most {MOST_ODD} may be so")
         return tuple(reasons)
 
 

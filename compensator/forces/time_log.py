@@ -69,8 +69,7 @@ def _check_times(log: ForceLog) -> None:
 def _not_believed(log: ForceLog, path: RobotPath, program: ProgramTime, alignment: TimeAlignment) -> Finding:
     reasons = list(alignment.against)
     if len(alignment.odd) > MOST_ODD:
-        ends = [np.searchsorted(program.time, stretch) for stretch in alignment.odd[:5]]
-        targets = ", ".join(f"{low} to {high}" for low, high in ends)
+        targets = ", ".join("{} to {}".format(*_targets(program, stretch)) for stretch in alignment.odd[:5])
         reasons[-1] += f" (targets {targets}{' ...' if len(alignment.odd) > 5 else ''})"
     span, whole = float(log.place[-1] - log.place[0]), float(program.time[-1])
     unit = unit_of_time(whole / span)
@@ -98,7 +97,13 @@ def _odd_stretch(path: RobotPath, program: ProgramTime, alignment: TimeAlignment
     """The one stretch that may be odd."""
     if not alignment.odd:
         return []
-    low, high = (min(int(np.searchsorted(program.time, time)), len(program.time) - 1) for time in alignment.odd[0])
+    low, high = _targets(program, alignment.odd[0])
     return [Finding("CS3065", "warning", f"between targets {low} and {high} the force does not follow the program: its samples "
                     "are left out. Is there no stock, or did the program stand still?", file=path.toolpath.source,
                     line=int(path.toolpath.line[low]), target=low)]
+
+
+def _targets(program: ProgramTime, stretch: tuple[float, float]) -> tuple[int, int]:
+    """Between which targets a stretch of planned time [s] is."""
+    low, high = np.minimum(np.searchsorted(program.time, stretch), len(program.time) - 1)
+    return int(low), int(high)

@@ -108,7 +108,7 @@ def zero_of(
         findings.append(_estimated(payload, air, log))
         if payload is not None and payload.told_from_none:
             # The centre in the log's own frame, where the sensor sits: carried to the flange once.
-            mass, centre = payload.mass, _in_flange(payload, path, form)
+            mass, centre = payload.mass, _in_flange(payload, path.flange_from_tcp[tare[0][0]], form)
     held = np.zeros((len(path.toolpath), 6))
     if mass:
         arm = None
@@ -204,12 +204,13 @@ def _per_stretch(values: Array, rows: TargetRows, tare: Sequence[Range]) -> Arra
     return np.array([np.average(values[rows.target[part]], axis=0, weights=rows.weight[part]) for part in inside])
 
 
-def _in_flange(payload: Payload, path: RobotPath, form: ForceLogFrame) -> Array | None:
+def _in_flange(payload: Payload, flange_from_tcp: Frame, form: ForceLogFrame) -> Array | None:
+    """The payload's centre (3,) [m] in the flange's frame; flange_from_tcp: the tool of the stretches it was told by."""
     if payload.centre is None:
         return None
     if form.kind == "sensor" and form.flange_from_sensor is not None:
         return form.flange_from_sensor.apply(payload.centre)
-    return path.flange_from_tcp[0].apply(payload.centre)
+    return flange_from_tcp.apply(payload.centre)
 
 
 def _estimated(payload: Payload | None, air: Air, log: ForceLog) -> Finding:

@@ -98,12 +98,13 @@ def _along(robot: RobotModel, solutions: Solutions, branch: int, thinned: bool) 
         good[1:] &= (np.abs(np.diff(run, axis=0)) < LARGEST_STEP).all(axis=1)
     if not good.all():
         return Held(run, 0.0, int(np.argmin(good)), "", int(np.argmin(good)))
-    room = np.min(np.minimum(run - robot.limits[:, 0], robot.limits[:, 1] - run), axis=1)
+    rooms = [np.minimum(run - robot.limits[:, 0], robot.limits[:, 1] - run)]
+    names = [f"a limit of joint {joint + 1}" for joint in range(run.shape[1])]
     if robot.window is not None:
         joint, least, most = robot.window
         difference = run @ robot.coupling[joint]
-        room = np.minimum(room, np.minimum(difference - least, most - difference))
-    wrist = wrist_distance(robot, run)
-    reserve = np.minimum(room, wrist)
-    at = int(np.argmin(reserve))
-    return Held(run, float(reserve[at]), at, "a joint limit" if room[at] <= wrist[at] else "the wrist singularity")
+        rooms.append(np.minimum(difference - least, most - difference)[:, None])
+        names.append("an end of the parallel rod's window")
+    room = np.column_stack([*rooms, wrist_distance(robot, run)])
+    at, nearest = np.unravel_index(np.argmin(room), room.shape)
+    return Held(run, float(room[at, nearest]), int(at), [*names, "the wrist singularity"][nearest])

@@ -31,8 +31,8 @@ IN_METRES = 5e-3
 
 @dataclass(frozen=True, eq=False)
 class UsedFrames:
-    """flange_from_tcp of each tool and world_from_object of each work object that targets of known pose use; a work object that
-    a mechanical unit moves as it stands at the resting values (external_axes.py)."""
+    """flange_from_tcp of each tool and world_from_object of each work object that linear moves of known pose use; where there
+    are none, all moves. A work object that a mechanical unit moves as it stands at the resting values (external_axes.py)."""
 
     tools: tuple[Frame, ...]
     workobjects: tuple[Frame, ...]
@@ -152,9 +152,11 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
         findings = _follow(robot, toolpath, flanges, by_joints, theta)
     rest_from_tcp = axes.to_rest(base_from_tcp)
     findings += _in_metres(cell, toolpath, posed)
+    linear = posed & (toolpath.move != Move.JOINT)
+    tools, parts = (linear, linear) if linear.any() else (known, posed)
     used = UsedFrames(
-        tuple(_tool(toolpath.tools[i], cell) for i in np.unique(toolpath.tool[known])),
-        tuple(objects[i] for i in np.unique(toolpath.workobject[posed])))
+        tuple(_tool(toolpath.tools[i], cell) for i in np.unique(toolpath.tool[tools])),
+        tuple(objects[i] for i in np.unique(toolpath.workobject[parts])))
     reached = np.asarray(~np.isnan(theta).any(axis=1))
     read_only(theta, base_from_tcp.rotation, base_from_tcp.position, known, reached)
     return RobotPath(toolpath, cell, theta, base_from_tcp, flange_from_tcp, base_from_object, axes,

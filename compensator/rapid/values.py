@@ -174,14 +174,17 @@ class Values:
 
     def flag(self, expr: Expr, scope: Scope, what: str) -> bool | Unsettled:
         """TRUE or FALSE, or a constant of type bool."""
-        if expr.kind == "name" and expr.name in ("true", "false"):
-            return expr.name == "true"
-        if expr.kind in ("number", "string", "aggregate"):
-            raise self.source.fail("CS2005", f"found {self.spelled(expr)}, expected TRUE or FALSE: {what}", expr.start)
-        site = self.follow(expr, scope, "bool")
-        if isinstance(site, Site) and site.expr is not expr:
-            return self.flag(site.expr, site.scope, what)
-        return Unsettled("CS2017", f"{what} is known only at run time")
+        later = Unsettled("CS2017", f"{what} is known only at run time")
+        for _ in range(20):
+            if expr.kind == "name" and expr.name in ("true", "false"):
+                return expr.name == "true"
+            if expr.kind in ("number", "string", "aggregate"):
+                raise self.source.fail("CS2005", f"found {self.spelled(expr)}, expected TRUE or FALSE: {what}", expr.start)
+            site = self.declared(expr, scope, "bool") if expr.kind in ("name", "element") else None
+            if not isinstance(site, Site):
+                return later
+            expr, scope = site.expr, site.scope
+        return later
 
     def spelled(self, expr: Expr) -> str:
         return self.source.text(expr.start, min(expr.end, expr.start + 40))

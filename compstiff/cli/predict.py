@@ -84,7 +84,7 @@ def predict(
                      *(["--forces", forces_file] if forces_file else []), *settings.as_options(), "-o",
                      f"{toolpath_stem(toolpath_file)}_corrected{rapid_suffix(toolpath_file)}")
     return Outcome(figures, in_modules(findings, toolpath_file), lines,
-                   next_step=following if runs_rapid(predicted.path.cell.robot) else "")
+                   next_step=following if runs_rapid(predicted.path.cell.robot) and len(predicted.targets) else "")
 
 
 def _of_the_cut(settings: Settings) -> tuple[object, ...]:

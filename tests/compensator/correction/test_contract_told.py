@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -94,3 +95,58 @@ def test_a_stated_depth_tells_the_cutting_stiffness_where_enough_targets_climb(
     stiffness = np.median(0.75 * 90 / (0.5 - 1e3 * np.array(aside))) * np.exp(0.3**2 / 2)
     std = 2 * stiffness * np.sqrt(np.expm1(0.3**2))
     assert found[0]["message"] == f"cutting stiffness by a depth of 0.5 mm: {stiffness:.3g} +- {std:.2g} N/mm (2 sigma)"
+
+
+@pytest.mark.parametrize(("count", "more"), [(20, ""), (21, "1 more target"), (25, "5 more targets")])
+@pytest.mark.parametrize("code", ["CS4106", "CS4103"])
+def test_of_many_targets_that_stop_the_job_the_rest_is_counted(tmp_path: Path, code: str, count: int, more: str) -> None:
+    """Twenty are told, and how many there are more, with the first of these."""
+    moves = []
+    for k in range(count):
+        move = at([10, 10, 10, 20, 0.04 + 0.002 * k if code == "CS4106" else 20, 30]).splitlines()[4]
+        moves.append(move if code == "CS4106" else re.sub(r"(\],\[)-?\d\.\d+", rf"\g<1>{2 + 0.01 * k:.2f}", move, count=1))
+    job = Job(tmp_path, kit.cell_text(), kit.module(moves), forces=HEAD + "".join(f"{k},1,0,0\n" for k in range(count)))
+    run = job.correct("--json")
+    found = of_code(run, code)
+    assert run.code == (3 if code == "CS4106" else 1), run
+    words = {"CS4106": "at the wrist singularity after correction, or past it",
+             "CS4103": "with force and an unusable quaternion"}[code]
+    assert len(found) == (21 if more else 20)
+    assert [(one["target"], one["line"], one["message"]) for one in found[20:]] == (
+        [(20, 25, f"{more} {words}")] if more else [])
+
+
+@pytest.mark.parametrize("force", [0, 60])
+def test_where_nothing_is_predicted_no_correction_is_advised(tmp_path: Path, force: int) -> None:
+    """`correct` would be refused."""
+    job = Job(tmp_path, program=kit.module([kit.move(text) for text in line(5, 10).text]),
+              forces=HEAD + "".join(f"{k},{force},{force},{-force}\n" for k in range(5)))
+    run = job.predict("--report", tmp_path / "page.html")
+    assert run.code == 0, run
+    page = (tmp_path / "page.html").read_text()
+    assert ("next: compstiff correct" in run.err) == ("compstiff correct" in page) == bool(force)
+    assert ("NOTHING PREDICTED" in page) == ("There is nothing to correct" in page) == (not force)
+    assert f"{5 if force else 0} with force" in run.out
+
+
+@pytest.mark.parametrize(("limit", "word"), [
+    (100, "WITHIN THE TOLERANCE ONCE CORRECTED"), (1, "THE TOLERANCE MAY FAIL EVEN CORRECTED")])
+def test_a_budget_is_told_in_the_terminal_and_judged_on_the_page(tmp_path: Path, limit: int, word: str) -> None:
+    """By a tolerance that is kept and by one that is not; the figures of both are those of --json."""
+    job = Job(tmp_path, program=kit.module([kit.move(text) for text in line(5, 10).text]),
+              forces=HEAD + "".join(f"{k},60,90,-120\n" for k in range(5)))
+    options = ("--budget", "--tolerance-um", limit, "--report", tmp_path / "page.html", "--force")
+    told = job.predict(*options, "--json").json["result"]["budget"]
+    run = job.predict(*options)
+    assert run.code == 0, run
+    two = told["two_sigma_um"]
+    assert (f"error budget for {limit} um: uncorrected {told['uncorrected_over']} of 5 targets over it; corrected, two sigma "
+            f"are {two['rms']:.1f} um RMS, {two['largest']:.1f} um at most, and {told['over']} over it") in run.out
+    assert told["over"] == (5 if limit == 1 else 0)
+    assert ("  may fail at lines 5 to 9: up to" in run.out) == (limit == 1)
+    assert word in (tmp_path / "page.html").read_text()
+    causes = {cause: of for cause, of in told["causes"].items() if of["two_sigma_um"]["largest"]}
+    assert sum(" % of the tolerance (two sigma" in text for text in run.out.splitlines()) == len(causes) > 2
+    for remedy in told["remedies"]:
+        assert (f"  gains {remedy['gain_um']:.1f} um of {two['rms']:.1f} (then {remedy['over']} over): {remedy['do']} "
+                f"[{remedy['effort']}]") in run.out

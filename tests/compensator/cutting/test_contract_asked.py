@@ -98,17 +98,101 @@ def stopped_by(call: object, *arguments: object, **named: object) -> Finding:
     return found
 
 
+def stopped_by_all(call: object, *arguments: object) -> tuple[Finding, ...]:
+    with pytest.raises(CompstiffError) as stopped:
+        call(*arguments)  # type: ignore[operator]
+    return stopped.value.findings
+
+
 @pytest.mark.parametrize("second", ["[[0,0,0],[1,0,0,0]]", "[[0,0,1],[1,0,0,0]]"])
-def test_forces_from_the_stock_need_one_work_object(tmp_path: Path, second: str) -> None:
+def test_cuts_in_two_work_objects_are_refused(tmp_path: Path, second: str) -> None:
     """Also where the other one lies in the same place: its text may be another one's to change."""
     program = job(tmp_path, objects=second)
     found = stopped_by(predicted, tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
     assert (found.code, found.level, found.file) == ("CS4702", "error", str(program))
-    assert found.message == "the engagement needs one work object, and this program has wobj0 and wSecond"
+    assert found.message == "the stock stands in one work object, and this program cuts it in wobj0 and in wSecond"
     line = next(k for k, text in enumerate(program.read_text().splitlines(), 1) if "WObj:=wSecond" in text)
     assert (found.line, found.target) == (line, (len(SLOT) + 4) // 2 + 1)
     job(tmp_path)
     assert of_code(predicted(tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml"), "CS4706")
+
+
+TURNED = Rotation.from_euler("z", 90, degrees=True)
+ORIGIN = np.array([1000.0, -100.0, 500.0])
+TABLE = "carries: workobject"
+HOME = "MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v500,fine,tool0;"
+FAR = "MoveL [[960,0,{z}],[0,0,1,0],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],[18,500,5000,1000],fine,tSpindle;"
+
+
+def written(values: np.ndarray) -> str:
+    """As RAPID has them."""
+    return f"[{','.join(f'{value:.10f}' for value in values)}]"
+
+
+def in_own_object(folder: Path, air: str, unit: str = "") -> None:
+    """The slot and its stock in a work object of their own that is turned by 90 degrees; the moves in the air, at the feed of
+    the cut too, in wobj0. unit: what the
+    first move to joint angles has elsewhere."""
+    text = job(folder).read_text()
+    (folder / "stock.yaml").write_text(STOCK)
+    plain, moves = text.split("PROC main()\n")[0], text.split("PROC main()\n")[1].splitlines()[:-2]
+    down = (TURNED.inv() * Rotation.from_quat([0, 1, 0, 0])).as_quat()[[3, 0, 1, 2]]
+    cuts = []
+    for k, move in enumerate(moves):
+        x, y, z = (float(value) for value in move.partition("[[")[2].partition("]")[0].split(","))
+        own = TURNED.inv().apply(np.array([x, y, z]) - ORIGIN)
+        if 2 <= k < len(moves) - 2:
+            rest = move.partition("[0,0,1,0]")[2].replace("wobj0", "wPart")
+            cuts.append(f"MoveL [{written(own)},{written(down)}{rest}")
+    low, high = (TURNED.inv().apply(np.array(corner) - ORIGIN) for corner in ((1000, -20, 585), (1150, 20, 600)))
+    (folder / "stock.yaml").write_text(
+        f"box: {{from_mm: {np.minimum(low, high).round(6).tolist()}, to_mm: {np.maximum(low, high).round(6).tolist()}}}\n"
+        "resolution_mm: 0.5\nposition_std_mm: 0.01\n")
+    carried = 'FALSE,"UNIT"' if unit == TABLE else 'TRUE,""'
+    (folder / "slot.mod").write_text(
+        f"{plain}PERS wobjdata wPart:=[FALSE,{carried},"
+        f"[[0,0,0],[1,0,0,0]],[{written(ORIGIN)},{written(TURNED.as_quat()[[3, 0, 1, 2]])}]];\n"
+        f"PROC main()\n{HOME}\n{air}\n{FAR.format(z=597)}\n" + "\n".join(cuts)
+        + f"\n{FAR.format(z=640).replace('960', '1100')}\n{HOME}\nENDPROC\nENDMODULE\n")
+    if unit:
+        (folder / "cell.yaml").write_text(f"{CELL}mechanical_units:\n  - {{name: UNIT, {unit}, axes: [{{eax: a, kind: linear, "
+                                          "direction: [0, 1, 0]}]}\n")
+        homed, rest = (folder / "slot.mod").read_text().split("MoveL", 1)
+        (folder / "slot.mod").write_text(f"{homed.replace('[9E9', '[10')}MoveL{rest.replace('[9E9', '[0')}")
+
+
+@pytest.mark.parametrize(("air", "unit"), [
+    (FAR.replace("MoveL", "MoveJ"), ""), (FAR, ""), (FAR, "carries: robot"),
+    # More of them than there are cuts.
+    ("\n".join([FAR.replace("MoveL", "MoveJ")] * 80), ""), ("\n".join([FAR.replace("[18,", "[200,")] * 80), ""),
+    ("\n".join(["MoveL pElsewhere,[18,500,5000,1000],fine,tSpindle;"] * 80), "")])
+def test_moves_in_the_air_may_have_another_work_object(tmp_path: Path, air: str, unit: str) -> None:
+    """Most programs home in wobj0 before they cut in the object of the part, some of a robot on a track that
+    moves meanwhile. The forces are, in the base, those of the same cut in wobj0."""
+    def forces() -> np.ndarray:
+        cell = compstiff.read_cell(tmp_path / "cell.yaml")
+        settings = compstiff.Settings.of(predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+        found = compstiff.predict(cell, compstiff.read_toolpath(tmp_path / "slot.mod", cell), stiff(cell), None, settings)
+        return np.asarray(found.forces.wrench[:, :3])
+    job(tmp_path)
+    plain = forces()[2:-2]
+    in_own_object(tmp_path, air.format(z=640), unit)
+    own = forces()
+    assert np.abs(plain).max() > 100
+    first = len(own) - len(plain) - 2
+    assert not own[:first].any()
+    assert not own[-1].any()
+    np.testing.assert_allclose(own[first:-2], plain, atol=0.005 * np.abs(plain).max())
+
+
+def test_a_table_that_moves_between_two_work_objects_is_refused(tmp_path: Path) -> None:
+    """Its program is driven past the stock by both, and no path says how."""
+    in_own_object(tmp_path, FAR.format(z=640), TABLE)
+    found = stopped_by(predicted, tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+    assert (found.code, found.level, found.file, found.target) == ("CS4702", "error", str(tmp_path / "slot.mod"), 0)
+    assert (tmp_path / "slot.mod").read_text().splitlines()[(found.line or 0) - 1].startswith("MoveAbsJ")
+    assert found.message.startswith("an axis moves between wPart and wobj0 during the program")
+    assert found.hint == "state wPart in all moves, those to joint angles (MoveAbsJ) too"
 
 
 @pytest.mark.parametrize(("unit", "wobj", "turn_deg", "per_target"), [
@@ -174,6 +258,65 @@ def test_the_table_needs_a_material_and_a_feed(
         return
     found = stopped_by(from_table, tmp_path)
     assert (found.code, found.level, found.file, found.message) == ("CS4731", "error", str(tmp_path / file), words)
+
+
+@pytest.mark.parametrize(("corner", "words"), [
+    (8.0, ""), (8.001, "cutting.corner_radius_mm is 8.001, expected at most half the diameter, 8")])
+def test_a_rounding_beyond_a_ball_s_is_refused(tmp_path: Path, corner: float, words: str) -> None:
+    job(tmp_path, cell=CELL.replace("teeth: 3", f"teeth: 3, corner_radius_mm: {corner}"))
+    if not words:
+        assert from_table(tmp_path).coefficients.cutter.ball
+        return
+    found = stopped_by(from_table, tmp_path)
+    assert (found.code, found.level, found.file, found.message) == ("CS4701", "error", str(tmp_path / "cell.yaml"), words)
+    assert found.hint == "a ball has just half the diameter"
+
+
+@pytest.mark.parametrize(("top", "said"), [(597.0, True), (597.5, False)])
+def test_a_stock_that_the_program_does_not_touch_is_told(tmp_path: Path, top: float, said: bool) -> None:
+    """The slot is at 597 mm: under its top there is something to cut."""
+    job(tmp_path, stock=STOCK.replace("600]", f"{top}]"))
+    findings = predicted(tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+    assert [(one.level, one.message, one.file) for one in of_code(findings, "CS4709")] == (
+        [("warning", "the program touches its stock nowhere", str(tmp_path / "stock.yaml"))] if said else [])
+    (engaged,) = of_code(findings, "CS4706")
+    assert engaged.message.endswith("engagement: the program touches its stock nowhere") == said
+    assert not of_code(findings, "CS4748")
+    assert not of_code(findings, "CS4749")
+
+
+def test_a_program_that_cuts_nothing_of_its_stock_is_not_corrected(tmp_path: Path) -> None:
+    """And the stock is named, not a log that nobody took."""
+    job(tmp_path, stock=STOCK.replace("600]", "597]"))
+    cell = compstiff.read_cell(tmp_path / "cell.yaml")
+    settings = compstiff.Settings.of(predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+    found = compstiff.predict(cell, compstiff.read_toolpath(tmp_path / "slot.mod", cell), stiff(cell), None, settings)
+    stopped = stopped_by_all(compstiff.correct, found)
+    (refused,) = of_code(stopped, "CS3086")
+    assert (refused.level, refused.file, refused.message) == (
+        "error", str(tmp_path / "stock.yaml"), "nothing is corrected: by this stock no move has a force that is known")
+    assert "where does the stock stand" in refused.hint
+    assert of_code(stopped, "CS4709")
+
+
+def test_feeds_that_the_table_does_not_know_are_told(tmp_path: Path) -> None:
+    """Where only the air's 200 mm/s stand in the file the chip would be that: 0.444 mm of 9000 a minute and three teeth."""
+    program = job(tmp_path)
+    text = program.read_text()
+    program.write_text(text.replace("[18,500,5000,1000]", "vOfAnother").replace("MoveL", "MoveJ", 1))
+    (found,) = of_code(from_table(tmp_path).findings, "CS4753")
+    assert (found.level, found.file) == ("warning", str(program))
+    assert found.message == (f"the feed of {len(SLOT)} of {len(SLOT) + 3} moves that may cut is not known: the chip is that of "
+                             "the others, 200 mm/s or 0.444 mm a tooth")
+    program.write_text(text.replace("[200,500,5000,1000]", "vOfAnother"))
+    (found,) = of_code(from_table(tmp_path).findings, "CS4753")
+    assert found.message.startswith(f"the feed of 4 of {len(SLOT) + 4} moves ")
+    assert found.message.endswith("18 mm/s or 0.04 mm a tooth")
+    # Joint moves cut nothing.
+    program.write_text(text.replace("[200,500,5000,1000]", "vOfAnother").replace("MoveL", "MoveJ", 1))
+    assert "the feed of 3 of" in of_code(from_table(tmp_path).findings, "CS4753")[0].message
+    job(tmp_path)
+    assert not of_code(from_table(tmp_path).findings, "CS4753")
 
 
 @pytest.mark.parametrize(("stated", "said"), [("", True), ("position_std_mm: 0.1\n", False)])

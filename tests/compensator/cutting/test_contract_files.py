@@ -13,7 +13,7 @@ from compensator.cutting.coefficients import Coefficients, check_same, read_coef
 from compensator.cutting.cutter import Cutter
 from compensator.cutting.materials import coefficients_of
 from compensator.cutting.removal import mill_through
-from compensator.cutting.stock_file import read_npz, read_stock, stock_npz
+from compensator.cutting.stock_file import named_by, read_npz, read_stock, stock_npz
 from identification.common.findings import CompstiffError
 from tests.compensator.cutting.milled import FLAT, block, milled, track_along
 
@@ -54,6 +54,27 @@ def test_what_a_stock_does_not_state_is_as_documented(tmp_path: Path) -> None:
     ("box: {from_mm: [0, 0, -20], to_mm: [9000, 9000, 0]}\nresolution_mm: 0.02\n", "CS4704")])
 def test_what_is_no_stock_is_refused(tmp_path: Path, text: str, code: str) -> None:
     assert code_of(written(tmp_path, text)) == code
+
+
+@pytest.mark.parametrize(("text", "words", "hint"), [
+    ("left_by: earlier.npz\nresolution_mm: 0.2\n", "resolution_mm is stated, and a stock that was left has its own",
+     "leave it out"),
+    ("stl: blank.stl\n", "an STL says nothing of its units: stl and units go together", "units: mm, or units: inch"),
+    (BOX + "units: mm\n", "an STL says nothing of its units: stl and units go together", "units: mm, or units: inch"),
+    (BOX + "stl: blank.stl\nunits: mm\n", "names box and stl of box, stl and left_by, expected one", "left_by: what --leaves")])
+def test_what_of_a_stock_does_not_go_together_is_named(tmp_path: Path, text: str, words: str, hint: str) -> None:
+    with pytest.raises(CompstiffError) as stopped:
+        read_stock(written(tmp_path, text))
+    (found,) = stopped.value.findings
+    assert (found.code, found.level, found.file, found.message) == ("CS0102", "error", str(tmp_path / "stock.yaml"), words)
+    assert hint in found.hint
+
+
+def test_the_files_that_a_stock_stands_on_are_known(tmp_path: Path) -> None:
+    """Those that it names beside itself; what a program left stands alone."""
+    assert named_by(written(tmp_path, "stl: blank.stl\nunits: mm\n")) == (tmp_path / "blank.stl",)
+    assert named_by(written(tmp_path, "left_by: earlier.npz\n")) == (tmp_path / "earlier.npz",)
+    assert named_by(written(tmp_path, BOX)) == named_by(tmp_path / "earlier.npz") == ()
 
 
 def test_what_a_program_left_comes_back(tmp_path: Path) -> None:

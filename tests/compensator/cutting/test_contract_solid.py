@@ -29,13 +29,13 @@ def refused(folder: Path, content: bytes, more: str = "units: mm\n") -> tuple[st
     (b"", "CS4712", "no triangles"), (b"solid x\nendsolid x\n", "CS4712", "no triangles"),
     (b"no STL at all", "CS4712", "no triangles"), (binary(FACES)[:400], "CS4712", "no triangles"),
     (binary(np.where(FACES == 60.0, np.nan, FACES)), "CS4712", "no numbers"),
-    (ascii_stl(FACES)[:900], "CS471", ""),
+    (ascii_stl(FACES)[:900], "CS471", ""), (ascii_stl(FACES).replace(b"60", b"six"), "CS4712", "is no STL: "),
     (binary(FACES[:-1]), "CS4713", "not watertight"), (binary(np.concatenate([FACES, FACES[:1]])), "CS4713", "not watertight"),
     (binary(TURNED), "CS4713", "face against"), (binary(FACES[:, ::-1]), "CS4713", "inside out"),
     (binary(np.concatenate([FACES, WITHIN])), "CS4713", "overlap"),
     (binary(FACES / 1e3), "CS4714", "metres"), (binary(FACES * 1e3), "CS4714", "at most")],
-    ids=["nothing", "no facet", "text", "cut short", "nan", "half a text", "a face is gone", "a face twice", "one face turned",
-         "inside out", "two bodies", "metres", "micrometres"])
+    ids=["nothing", "no facet", "text", "cut short", "nan", "half a text", "no numbers", "a face is gone", "a face twice",
+         "one face turned", "inside out", "two bodies", "metres", "micrometres"])
 def test_what_is_no_blank_is_refused(tmp_path: Path, content: bytes, code: str, words: str) -> None:
     found, message = refused(tmp_path, content)
     assert found.startswith(code)

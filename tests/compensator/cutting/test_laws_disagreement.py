@@ -64,6 +64,29 @@ def test_where_all_is_as_expected_they_agree_and_what_no_cause_explains_is_unkno
     assert "no cause that is known" in found.words()
 
 
+def test_of_coefficients_that_are_known_badly_a_log_far_off_is_not_said_to_agree() -> None:
+    """Known to a factor of two, and half as large again: nothing is contradicted, and nothing is told. How wide it is comes
+    from drawing coefficients."""
+    rows, known = log(0.5 * (EDGE + CHIP)), coefficients(0.03)
+    wide = replace(known, covariance=np.diag((0.7 * MEAN) ** 2))
+    found = disagreement(rows, wide, STEP, STEP)
+    assert (found.verdict, found.causes) == ("adequate", ())
+    assert "they agree" not in found.words()
+    drawn = np.random.default_rng(5).normal(0, 0.7 * np.abs(MEAN), (2000, 6))
+    spread = np.sqrt(np.mean(np.sum(np.einsum("nij,dj->dni", rows.weight[::7], drawn) ** 2, axis=2)))
+    told_to = float(re.search(r"known to (\d+) N \(1 sigma\)", found.words())[1])  # type: ignore[index]
+    assert told_to == pytest.approx(spread, rel=0.06)
+
+
+@pytest.mark.parametrize(("share", "agrees"), [(0.32, True), (0.35, False)])
+def test_a_log_agrees_that_is_off_by_a_quarter_of_its_force(share: float, agrees: bool) -> None:
+    """Forces that are larger by a third: a quarter of those of the log."""
+    known = coefficients(0.03)
+    found = disagreement(log(share * (EDGE + CHIP)), replace(known, covariance=np.diag((0.7 * MEAN) ** 2)), STEP, STEP)
+    assert found.verdict == "adequate"
+    assert ("they agree" in found.words()) == agrees
+
+
 def test_causes_that_do_the_same_are_all_told() -> None:
     """Where chips alone have force, all forces and the chip's are the same."""
     found = told(log(0.4 * CHIP, alike=True))

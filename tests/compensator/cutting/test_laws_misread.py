@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cutter import Cutter
-from compensator.cutting.misread import misread
+from compensator.cutting.misread import Reading, misread
 from compensator.cutting.posterior import ForceRows
 
 MEAN = np.array([800.0, 300, 120, 20, 18, 1])
@@ -77,3 +77,17 @@ def test_a_right_reading_is_not_doubted(factor: float) -> None:
     assert misread(rows, axes, "sensor", coefficients(0.03), 1e-4, 1e-4) is None
     aside = rows.aside @ np.array([3.0, -2.0, 1.0])
     assert misread(rows_of(weight, expected(weight) + aside), axes, "sensor", coefficients(0.03), 1e-4, 1e-4) is None
+
+
+@pytest.mark.parametrize(("frame", "order", "signs", "words"), [
+    ("base", (0, 1, 2), (-1, -1, -1), "read with the other sign the log"),
+    ("tool", (0, 1, 2), (1, 1, 1), "read in the frame tool the log"),
+    ("base", (1, 0, 2), (1, 1, 1), "read with the columns fy_n fx_n fz_n in this order the log"),
+    ("base", (0, 1, 2), (1, -1, -1), "read with y and z turned over the log"),
+    ("sensor", (1, 2, 0), (-1, -1, -1),
+     "read in the frame sensor, with the columns fy_n fz_n fx_n in this order, with the other sign")])
+def test_a_reading_is_told_in_words(frame: str, order: tuple[int, ...], signs: tuple[int, ...], words: str) -> None:
+    """What is as stated is not said."""
+    told = Reading(frame, order, signs, 3.04, 91.0).words("base")
+    assert told.startswith(words)
+    assert told.endswith("would be off what the stock lets expect by 3.0 N RMS, as it is read by 91.0 N")

@@ -193,3 +193,16 @@ def test_time_that_runs_back(tmp_path) -> None:
     time = np.arange(COUNT) / RATE
     time[4000:] -= 1.0
     assert faults(read(tmp_path, noisy(), time_s=time)) == [("CS3025", 4002)]
+
+
+@pytest.mark.parametrize(("again", "words"), [
+    ([], ""), ([700], "1 sample with the sequence number of the one before"),
+    ([700, 2500, 2501], "3 samples with the sequence number of the one before")])
+def test_samples_that_stand_twice(tmp_path, blocks, again: list[int], words: str) -> None:
+    """As a logger writes them that sends a packet again; told with the line of the first, in whatever blocks it is read."""
+    rows = np.sort(np.concatenate([np.arange(COUNT), again]).astype(int))
+    found = [one for one in read(tmp_path, noisy(), rows, sequence=np.arange(COUNT) + 17).findings if one.code == "CS3025"]
+    assert [(one.level, one.message, one.file) for one in found] == (
+        [("warning", words, str(tmp_path / "a.csv"))] if words else [])
+    # The header is line 1, sample 700 line 702, and what stands there again is the next.
+    assert [one.line for one in found] == ([703] if words else [])

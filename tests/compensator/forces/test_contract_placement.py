@@ -530,3 +530,43 @@ def test_a_log_by_path_length_counts_from_a_move_to_joint_angles_or_from_the_fir
     forces = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell)
     assert ("CS3129" in [finding.code for finding in forces.findings]) is said
     assert np.flatnonzero(forces.wrench[:, 1] > 99).tolist() == [1 + i for i in range(10, 31) if 10 * i <= end]
+
+
+TURN = f"[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+HOMES = {
+    "none": "", "to joint angles": "MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;\n",
+    "in the air": f"MoveJ [[1000,-200,900],{TURN},v100,fine,tool0;\n"}
+
+
+@pytest.mark.parametrize("home", HOMES)
+@pytest.mark.parametrize("key", ["positions", "joint angles"])
+def test_a_home_of_another_tool_and_work_object_does_not_stop_a_log(tmp_path: Path, home: str, key: str) -> None:
+    """Positions are those in the work object of the linear moves, joint angles carry their tool. Each target has a force of its
+    own, from samples about it."""
+    def planned(second: str) -> RobotPath:
+        moves = "\n".join(
+            f"MoveL [[{1000 + 10 * i},0,700],{TURN},v100,fine,tSpindle\\WObj:={second if i == 4 else 'wPart'};"
+            for i in range(5))
+        data = ("PERS tooldata tSpindle:=[TRUE,[[120,0,250],[1,0,0,0]],[5,[0,0,90],[1,0,0,0],0,0,0]];\n" + "".join(
+            f"PERS wobjdata {name}:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,50,100],[1,0,0,0]]];\n"
+            for name in ("wPart", "wTwo")))
+        (tmp_path / "cell.yaml").write_text(CELL)
+        text = f"MODULE M\n{data}PROC main()\n{HOMES[home]}{moves}\nENDPROC\nENDMODULE\n"
+        return robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(tmp_path / "cell.yaml"))
+
+    here, along = planned("wPart"), np.linspace(0.0, 4.0, 81)
+    if key == "positions":
+        head, where = "x_mm,y_mm,z_mm", np.column_stack([1000 + 10 * along, 0 * along, 700 + 0 * along])
+    else:
+        theta = np.degrees(here.theta[-5:])
+        head = ",".join(f"q{k}_deg" for k in range(1, 7))
+        where = np.column_stack([np.interp(along, np.arange(5), axis) for axis in theta.T])
+    force = np.column_stack([50 + 10 * np.round(along), np.zeros((81, 2))])
+    log = tmp_path / "forces.csv"
+    log.write_text(log_text(f"{head},fx_n,fy_n,fz_n", np.column_stack([where, force])))
+    forces = place_forces(read_force_log(log), here, here.cell)
+    assert_allclose(forces.wrench[-5:, 0], [50, 60, 70, 80, 90], atol=0.6)
+    assert forces.samples[:-5].sum() <= 1
+    if key == "positions":
+        with pytest.raises(CompstiffError, match="CS3010.*needs one work object, the program uses 2"):
+            place_forces(read_force_log(log), planned("wTwo"), here.cell)

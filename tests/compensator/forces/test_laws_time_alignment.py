@@ -9,6 +9,8 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -25,6 +27,7 @@ from compensator.forces import time_alignment
 from compensator.forces.alignment_regression import binned, plateau_share
 from compensator.forces.program_time import ProgramTime, air_moves, program_time
 from compensator.forces.time_alignment import TimeAlignment, align
+from compensator.forces.time_log import _not_believed
 from tests.support import compstiff
 
 sample_log, program_time = cache(sample_once), cache(program_time)
@@ -102,6 +105,24 @@ def test_stretches_whose_force_is_another_refuse() -> None:
         return TimeAlignment(np.zeros(1), 0.0, 1.0, 0.0, 40.0, 0.9, 5.0, odd, 0.1, 0.05, np.zeros(1), np.zeros(1), 3e-3)
     assert with_odd((10.0, 14.0)).believed
     assert "in 2 stretches" in "; ".join(with_odd((10.0, 14.0), (20.0, 24.0)).against)
+
+
+@pytest.mark.parametrize(("count", "words"), [
+    (2, "in 2 stretches the force does not follow the program, at most 1 may be so (targets 1 to 3, 3 to 5)"),
+    (6, "at most 1 may be so (targets 1 to 3, 3 to 5, 5 to 7, 7 to 9, 9 to 9 ...)")])
+@pytest.mark.parametrize("covered", [1.0, 0.5])
+def test_stretches_that_refuse_are_named_by_their_targets(count: int, words: str, covered: float) -> None:
+    """Of a program of ten targets a second apart, beside whatever else refuses; behind the last target there is none."""
+    program = ProgramTime(np.arange(10.0), np.arange(10.0), np.zeros(10, bool), np.zeros(10, int), np.zeros((10, 3)))
+    odd = tuple((0.5 + 2 * k, 2.5 + 2 * k) for k in range(count))
+    alignment = TimeAlignment(np.zeros(1), 0.0, 1.0, 0.0, 40.0, 0.9, 5.0, odd, 0.1, 0.05, np.zeros(1), np.zeros(1), 3e-3,
+                              leaps=((4.0, -1.0),) if covered < 1 else (), covered=covered)
+    log: Any = SimpleNamespace(place=np.arange(10.0), source="log.csv")
+    path: Any = SimpleNamespace(toolpath=SimpleNamespace(source="part.mod"))
+    found = _not_believed(log, path, program, alignment)
+    assert (found.code, found.level, found.file) == ("CS3061", "error", "log.csv")
+    assert words in found.message
+    assert ("50 % of the program alone" in found.message) == (covered < 1)
 
 
 def test_the_best_plateau_is_the_best_of_all() -> None:

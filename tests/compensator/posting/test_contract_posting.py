@@ -255,6 +255,39 @@ def test_wrong_cells_of_a_table(tmp_path, cell, column, value, code, where):
     assert (found.line, found.column) == (6, lines[0].split(",").index(column) + 1)
 
 
+@pytest.mark.parametrize(("off", "said"), [(0.9e-5, False), (1.2e-5, True), (0.9e-3, True)])
+def test_quaternions_a_little_off_the_unit_are_normalised_and_told(tmp_path, cell, off, said):
+    """With the row that is farthest off, and how many are."""
+    path = table(tmp_path, cell)
+    header, *rows = path.read_text().splitlines()
+    first = header.split(",").index("q1")
+    for row, scale in ((4, 1 + off / 2 if off > 1e-4 else 1 + off), (7, 1 - off)):
+        cells = rows[row].split(",")
+        cells[first:first + 4] = [f"{scale * float(value):.12f}" for value in cells[first:first + 4]]
+        rows[row] = ",".join(cells)
+    plain = read_cam_path(path, DEFAULTS.posting)
+    path.write_text("\n".join([header, *rows]))
+    read = read_cam_path(path, DEFAULTS.posting)
+    np.testing.assert_allclose(np.linalg.norm(read.quaternion, axis=1), 1, atol=1e-12)
+    np.testing.assert_allclose(read.quaternion, plain.quaternion, atol=1e-9)
+    found = [one for one in read.findings if one.code == "CS2151"]
+    assert [(one.level, one.file, one.column, one.count) for one in found] == (
+        [("note", str(path), first + 1, 2)] if said else [])
+    assert [one.message for one in found] == (
+        [f"quaternions are off the unit by up to {off:.2g} and were normalised"] if said else [])
+    if off > 1e-4:
+        assert found[0].line == 9
+
+
+@pytest.mark.parametrize(("count", "more"), [(8, ""), (9, ", and 1 more mm/s"), (12, ", and 4 more mm/s")])
+def test_of_many_speeds_the_first_are_shown(tmp_path, cell, count, more):
+    path = table(tmp_path, cell, feed_mm_s=5.0 + np.minimum(np.arange(20), count - 1))
+    (line,) = (text for text in post(read_cam_path(path, DEFAULTS.posting), cell, DEFAULTS.posting, "part").lines()
+               if text.startswith("speeds: "))
+    shown = ", ".join(f"{5 + k}" for k in range(min(count, 8)))
+    assert line.startswith(f"speeds: {shown}{more or ' mm/s'};")
+
+
 @pytest.mark.parametrize("above", ["", "# from the CAM system\n\n"])
 def test_a_table_of_a_header_alone_is_none(tmp_path, cell, above):
     """The line is that of its header; one row below it is enough."""

@@ -25,7 +25,7 @@ def posted(folder: Path, joints: list[list[float]], cell: str = "") -> kit.Run:
 
 @pytest.mark.parametrize(("last", "words"), [
     ([10, 20, 20, 5, 4.9, 10], "4.9 degrees from the wrist singularity at target 2"), ([10, 20, 20, 5, 5.1, 10], ""),
-    ([175.1, 20, 20, 5, 30, 10], "4.9 degrees from a joint limit at target 2"), ([174.9, 20, 20, 5, 30, 10], "")])
+    ([175.1, 20, 20, 5, 30, 10], "4.9 degrees from a limit of joint 1 at target 2"), ([174.9, 20, 20, 5, 30, 10], "")])
 def test_under_five_degrees_to_a_limit_or_the_singularity_are_told(tmp_path: Path, last: list[float], words: str) -> None:
     """Of the path's closest target, with its line in the toolpath. A table states how the tool is turned."""
     joints = np.array(last) + np.outer([2, 1, 0], [-1, 0, 0, 0, 1, 0])
@@ -51,7 +51,7 @@ def test_where_the_toolpath_leaves_the_turn_open_another_one_is_advised(tmp_path
     assert run.code == 0, run
     found = [one for one in run.json["findings"] if one["code"] == "CS4305"]
     assert [(one["message"].partition(" at ")[0], one["hint"]) for one in found] == (
-        [("4.9 degrees from a joint limit", "try another --tool-x, or move the part")] if said else [])
+        [("4.9 degrees from a limit of joint 1", "try another --tool-x, or move the part")] if said else [])
 
 
 @pytest.mark.parametrize(("units", "words", "written"), [

@@ -134,3 +134,60 @@ def test_a_slightly_unnormalised_frame_is_normalised():
     np.testing.assert_allclose(toolpath.tools[0].quaternion, [np.sqrt(0.5), 0, np.sqrt(0.5), 0], atol=1e-15)
     finding, = found(toolpath, "CS2013")
     assert (finding.line, finding.level) == (2, "note")
+
+
+FLAGS = ("CONST bool bYes:=TRUE; CONST bool bNo:=FALSE; CONST bool bAlso:=bYes; CONST bool bMany{2}:=[FALSE,TRUE];\n"
+         "VAR bool bLater;\n")
+NOWHERE, LOAD = "[[0,0,0],[1,0,0,0]]", "[5,[0,0,90],[1,0,0,0],0,0,0]"
+
+
+@pytest.mark.parametrize(("flag", "held"), [
+    ("TRUE", True), ("bYes", True), ("bAlso", True), ("bMany{2}", True), ("FALSE", False), ("bNo", False), ("bMany{1}", False),
+    ("bLater", None), ("bElsewhere", None)])
+def test_constants_stand_for_true_and_false_in_a_frame(flag, held):
+    """As numbers' constants do: a tool that is held, a work object that is not, one whose user frame a unit moves."""
+    def said(what, code, data):
+        move = f"MoveL {target(1)},v100,fine,{'tX;' if what == 'tool' else 'tool0' + chr(92) + 'WObj:=wX;'}"
+        toolpath = path(move, FLAGS + data)
+        own = toolpath.tools[0] if what == "tool" else toolpath.workobjects[0]
+        return own.position, [one.message.partition(": ")[2] for one in found(toolpath, code)], own
+
+    for what, code, data, wanted, otherwise in (
+            ("tool", "CS2022", f"PERS tooldata tX:=[{flag},[[1,2,3],[1,0,0,0]],{LOAD}];", True,
+             "it is stationary (robhold is FALSE)"),
+            ("work object", "CS2023", f'PERS wobjdata wX:=[{flag},TRUE,"",[[1,2,3],[1,0,0,0]],{NOWHERE}];', False,
+             "the robot holds it (robhold is TRUE)")):
+        position, messages, _ = said(what, code, data)
+        assert (position is not None) == (held is wanted)
+        assert messages == ([] if held is wanted else [otherwise if held is not None else
+                                                       f"robhold of the {what} is known only at run time"])
+        if position is not None:
+            assert np.round(1e3 * position, 9).tolist() == [1, 2, 3]
+    position, messages, own = said("work object", "CS2023", f'PERS wobjdata wX:=[FALSE,{flag},"STN1",{NOWHERE},{NOWHERE}];')
+    assert messages == (["ufprog of the work object is known only at run time"] if held is None else [])
+    assert (own.unit == "STN1") == (held is False)
+
+
+def test_constants_that_name_each_other_are_no_answer():
+    """CONST bool a:=b, and b:=a."""
+    toolpath = path(f"MoveL {target(1)},v100,fine,tX;", "CONST bool a:=b; CONST bool b:=a;\n"
+                    f"PERS tooldata tX:=[a,{NOWHERE},{LOAD}];")
+    assert ["known only at run time" in one.message for one in found(toolpath, "CS2022")] == [True]
+
+
+@pytest.mark.parametrize(("data", "why"), [
+    (f"VAR pose p; PERS tooldata tX:=[TRUE,p,{LOAD}];", "tframe: p has no initial value"),
+    (f'VAR pose p; PERS wobjdata wX:=[FALSE,TRUE,"",p,{NOWHERE}];', "uframe: p has no initial value"),
+    (f'VAR pose p; PERS wobjdata wX:=[FALSE,TRUE,"",{NOWHERE},p];', "oframe: p has no initial value"),
+    (f'VAR string s; PERS wobjdata wX:=[FALSE,FALSE,s,{NOWHERE},{NOWHERE}];',
+     "a mechanical unit moves its user frame (ufprog is FALSE), and ufmec names none")])
+def test_which_part_of_a_frame_is_not_known_is_told(data, why):
+    """A pose by a constant is."""
+    move = f"MoveL {target(1)},v100,fine,{'tX;' if 'tX' in data else 'tool0' + chr(92) + 'WObj:=wX;'}"
+    toolpath = path(move, data)
+    (said,) = found(toolpath, "CS2022" if "tX" in data else "CS2023")
+    assert (said.level, said.message.partition(": ")[2]) == ("warning", why)
+    known = path(move, data.replace("VAR pose p;", "CONST pose p:=[[1,2,3],[1,0,0,0]];").replace(
+        "VAR string s;", 'CONST string s:="STN1";'))
+    assert not found(known, "CS2022")
+    assert not found(known, "CS2023")

@@ -1,5 +1,6 @@
 """Every refusal says file, line and column."""
 
+import numpy as np
 import pytest
 
 from compensator.posting.apt import read_apt
@@ -82,6 +83,21 @@ HEAD = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/30,20,5\n"         # three lines
     ("$$*CATIA0\n$$ 1 0 0 0\n$$ 0 1 0 0\n$$ 0 0 1 0\n$$*CATIA0\n$$ 1 0 0 9\n$$ 0 1 0 0\n$$ 0 0 1 0", "CS2110", 11, 1, "second"),
     ("MULTAX/OFF\nGOTO/1,2,3,0.6,0,0.8", "CS2112", 5, 12, "MULTAX is off"),
     ("GOTO/1,2,3,0,0,0", "CS2112", 4, 12, "length 0"),
+    ("INDIRV/0,0,0", "CS2108", 4, 8, "INDIRV: the direction has no length"),
+    ("INDIRV/1,0", "CS2101", 4, 8, "INDIRV: found 2 numbers, expected 3"),
+    ("GODLTA/1,2,3,4", "CS2101", 4, 8, "GODLTA: found 4 numbers, expected 3"),
+    ("FROM/1,2", "CS2101", 4, 6, "FROM: found 2 numbers, expected 3 or 6"),
+    ("FROM/1,2,3,0,0,1,7", "CS2101", 4, 6, "FROM: found 7 numbers"),
+    ("GOHOME/1,2,3,4", "CS2101", 4, 8, "GOHOME: found 4 numbers, expected 3 or 6"),
+    ("FEDRAT/600,700", "CS2101", 4, 12, "FEDRAT: found '700', expected a value and one of"),
+    ("FEDRAT/MMPM,600,PRES", "CS2101", 4, 17, "found 'PRES'"),
+    ("CIRCLE/-69970,20,5,0,0,1,70000,.1,.1,1,0,TIMES,1000\nGOTO/30,20,0", "CS2108", 4, 1,
+     r"the arc makes 1000 turns in \d.* chords, at most 1000 and 1000000"),
+    ("INDIRV/0,1,0\nTLON,GOFWD/ (CIRCLE/20,20,5),ON,(LINE/20,20,5,20,30,5)", "CS2108", 5, 1,
+     "CIRCLE: found 3 numbers and 6 of LINE, expected 4 and 6"),
+    ("INDIRV/0,1,0\nTLON,GOFWD/ (CYLNDR/20,20,5,10),ON,(LINE/20,20,5,20,30)", "CS2108", 5, 1,
+     "CYLNDR: found 4 numbers and 5 of LINE, expected 7 and 6"),
+    ("CYCLE/DRILL,DEPTH,5,CLEAR,1,DWELL,x", "CS2101", 4, 35, "'X'|'x'"),
 ])
 def test_refusals(tmp_path, text, code, line, column, says):
     file = tmp_path / "part.apt"
@@ -125,3 +141,37 @@ def test_a_unit_among_other_arguments_says_no_unit_of_the_file(tmp_path, word):
     read = read_apt(file)
     assert len(read) == 2
     assert any("MAGAZN" in finding.message for finding in read.findings)
+
+
+def test_from_and_gohome_state_the_tool_s_axis_too(tmp_path):
+    """With six numbers: the moves behind them have it, until another is stated."""
+    file = tmp_path / "part.apt"
+    file.write_text("UNITS/MM\nMULTAX/ON\nFEDRAT/600,MMPM\nFROM/0,0,50,0,0.6,0.8\nGOTO/1,2,3\nGOHOME/0,0,60,0.6,0,0.8\n")
+    read = read_apt(file)
+    np.testing.assert_allclose(1e3 * read.position, [[1, 2, 3], [0, 0, 60]], atol=1e-9)
+    np.testing.assert_allclose(read.axis, [[0, 0.6, 0.8], [0.6, 0, 0.8]], atol=1e-12)
+    assert read.rapid.tolist() == [False, True]
+
+
+def test_deep_holes_of_nx_are_those_of_the_others(tmp_path):
+    """CYCLE/DRILL,DEEP is CYCLE/DEEP."""
+    def read(words):
+        (tmp_path / "part.apt").write_text(f"{HEAD}CYCLE/{words},DEPTH,10,STEP,4,CLEAR,2\nGOTO/1,2,3\nCYCLE/OFF\nGOTO/9,9,9\n")
+        return read_apt(tmp_path / "part.apt")
+    deep, plain = read("DRILL,DEEP"), read("DEEP")
+    assert len(deep) == len(plain) > 6
+    np.testing.assert_array_equal(deep.position, plain.position)
+    # The bottom of each peck, of a point at 3.
+    assert sorted({round(1e3 * z, 6) for z in deep.position[deep.stop, 2]}) == [-7, -5, -1]
+
+
+@pytest.mark.parametrize(("dwell", "remark"), [
+    ("DWELL,1.5", "DWELL 1.5 at the bottom"), ("DWELL,REV,3", "DWELL 3 turns at the bottom"), ("", "")])
+def test_a_dwell_is_told_not_driven(tmp_path, dwell, remark):
+    """Behind it the words of the cycle go on."""
+    words = ",".join(filter(None, ("CYCLE/DRILL,DEPTH,10", dwell, "CLEAR,2")))
+    (tmp_path / "part.apt").write_text(f"{HEAD}{words}\nGOTO/1,2,3\nCYCLE/OFF\n")
+    read = read_apt(tmp_path / "part.apt")
+    assert 1e3 * read.position[:, 2].min() == pytest.approx(-7)
+    assert any("DWELL is not driven" in finding.message for finding in read.findings) == bool(dwell)
+    assert [remark in text for texts in read.remarks.values() for text in texts if "DWELL" in text] == ([True] if dwell else [])
