@@ -92,12 +92,16 @@ def test_points_that_two_places_may_have_cut_are_left_out(tracks: TwoTracks, tmp
     assert not left_out(placed, "CS5306")
 
 
-@pytest.mark.parametrize(("target", "said"), [(0, True), (1, True), (2, False), (122, False), (123, True)])
+@pytest.mark.parametrize(("target", "said"), [(0, True), (1, False), (2, False), (122, False), (123, True)])
 def test_points_of_targets_to_which_nothing_was_cut_are_left_out(
     tracks: TwoTracks, tmp_path: Path, target: int, said: bool
 ) -> None:
-    """The log has a force from target 1 to 122: the moves to 2 ... 122 cut."""
+    """The log has a force from target 1 to 122: the moves to 2 ... 122 cut, the first of them from target 1 on."""
     placed = placed_beside(tracks, tmp_path / "p.csv", [(0.0, 0.5)], named=target)
+    if not said:
+        row = int(np.flatnonzero(placed.rows == 10)[0])
+        stands = placed.before[row] + placed.share[row] * (placed.after[row] - placed.before[row])
+        assert stands == pytest.approx(target - 1)
     assert (10 in placed.rows) == (not said)
     assert [(finding.file, finding.line, finding.message) for finding in left_out(placed, "CS5307")] == ([(
         str(tmp_path / "p.csv"), 12, "1 point of 11 were cut where the log shows no force: left out")] if said else [])
