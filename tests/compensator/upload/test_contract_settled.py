@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from compensator.upload import local_module
 from compensator.upload.answers import Answered, Lost
 from compensator.upload.loading import load_module
+from compensator.upload.local_module import read_module
 from compensator.upload.remote import TaskNow
 from compensator.upload.transfer import place
 from identification.common.findings import CompstiffError, Unconfirmed
@@ -189,3 +192,25 @@ def test_a_busy_controller_is_asked_again_later() -> None:
     remote: Any = Scripted(fails={"write": Answered(503)})
     with pytest.raises(Unconfirmed):
         place(remote, "/home", "part.mod", CONTENT)
+
+
+@pytest.mark.parametrize("beyond", [0, 1])
+def test_a_module_is_read_up_to_the_size_that_is_sent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, beyond: int
+) -> None:
+    """And told with its name, its limit and what helps; what is not there is told, too. The limit made small, to be fast."""
+    most = 1 << 20
+    monkeypatch.setattr(local_module, "MOST_BYTES", most)
+    file = tmp_path / "part.mod"
+    file.write_bytes(CONTENT + b" " * (most + beyond - len(CONTENT)))
+    if not beyond:
+        assert len(read_module(file, "irb6660-205-1.90").content) == most
+    else:
+        with pytest.raises(CompstiffError) as raised:
+            read_module(file, "irb6660-205-1.90")
+        assert [(one.code, one.file, "correct --split" in one.hint) for one in raised.value.findings] == [
+            ("CS6100", str(file), True)]
+        assert raised.value.findings[0].message == "is larger than 1 MiB"
+    with pytest.raises(CompstiffError) as raised:
+        read_module(tmp_path / "away.mod", "irb6660-205-1.90")
+    assert [(one.code, one.file) for one in raised.value.findings] == [("CS0005", str(tmp_path / "away.mod"))]
