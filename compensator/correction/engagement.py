@@ -130,8 +130,11 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
             as_logged = _left(predicted, np.abs(ASSUMED * per_newton))
             return CorrectedPass(predicted.loaded, stood, left, np.zeros(len(left)), as_logged, uncorrected, 0.0,
                                  at_depths=wall.at_depths, at_slot_depths=in_slots.at_depths), predicted.prediction
-    if predicted.loaded.learned is None:
-        _refuse_what_does_not_fit(predicted, followed, wall.stiffness, across)
+    alone = followed
+    if predicted.loaded.learned is not None:
+        deflected = replace(predicted.prediction, position=predicted.prediction.position - predicted.prediction.learned)
+        alone = _growth(replace(predicted, prediction=deflected), offsets, logged, across, direction, wall)
+    _refuse_what_does_not_fit(predicted, alone, wall.stiffness, across)
     asked, followed = followed, np.clip(followed, -MOST_GROWTH, MOST_GROWTH)
     if (asked != followed).any():
         left = np.hypot(left, _left(predicted, np.abs(asked - followed), followed))
@@ -156,12 +159,19 @@ def _uncorrected(
     where the tool stood to the plan, and h from where it stands uncorrected: (1 + g) / (1 + h), of logs of that program 1."""
     if logged.offsets is None:
         return np.ones(len(predicted.targets))
-    per_newton, chosen = _deeper(predicted, None, direction, across)
-    slot = slots(predicted.path, predicted.forces.wrench[:, :3], across, np.where(
-        chosen[:, None], standing(predicted, None), 0.0))
-    alone = wall.stiffness * per_newton + _slot(predicted, logged, slot).growth
+    alone = _growth(predicted, None, logged, across, direction, wall)
     grown, alone = (np.clip(growth, -MOST_GROWTH, MOST_GROWTH)[predicted.targets] for growth in (followed, alone))
     return np.asarray((1 + grown) / (1 + alone))
+
+
+def _growth(
+    predicted: Predicted, offsets: Array | None, logged: LoggedPass, across: Array, direction: Array, wall: _Wall
+) -> Array:
+    """By what share of itself the force grows (N,) from where the tool stood with these offsets (N, 3) [m] to the plan."""
+    per_newton, chosen = _deeper(predicted, offsets, direction, across)
+    slot = slots(predicted.path, predicted.forces.wrench[:, :3], across, np.where(
+        chosen[:, None], standing(predicted, offsets), 0.0))
+    return np.asarray(wall.stiffness * per_newton + _slot(predicted, logged, slot).growth)
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,8 +296,9 @@ def standing(predicted: Predicted, offsets: Array | None) -> Array:
 
 def _refuse_what_does_not_fit(predicted: Predicted, growth: Array, stiffness: Array, across: Array) -> None:
     """Raises CompstiffError (CS4123) where the force would vanish or more than double, by growth (N,) with stiffness (N,)
-    [N/m], at places that carry more than FITS of the push across (N,) [N]. Where next to nothing was logged, as at a touch or
-    where the push turns round, any step is more than all of it."""
+    [N/m] for what the tool yields (a set-up that was learned may be any depth of cut off), at places that carry more than FITS
+    of the push across (N,) [N]. Where next to nothing was logged, as at a touch or where the push turns round, any step is more
+    than all of it."""
     toolpath, over = predicted.path.toolpath, np.abs(growth) >= 1
     if not across[over].sum() > FITS * across[predicted.targets].sum():
         return

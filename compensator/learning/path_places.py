@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -195,12 +196,22 @@ def _resting_object(predicted: Predicted) -> Frame:
 
 def _between(predicted: Predicted, place: Array) -> tuple[Indices, Indices, Array, NDArray[np.bool_]]:
     """Of path lengths (n,) [m], none on a path of fewer than two known targets: rows of the prediction before and after, share
-    of the way, and whether both have force."""
+    of the way, and whether both have force. A place at a target is on the move to it or, where that has no force, on the next:
+    the cut begins there."""
+    to, onward = _on_moves(predicted, place, "left"), _on_moves(predicted, place, "right")
+    before, after, share, inside = (np.where(to[3], one, other) for one, other in zip(to, onward, strict=True))
+    return before, after, share, inside
+
+
+def _on_moves(
+    predicted: Predicted, place: Array, side: Literal["left", "right"]
+) -> tuple[Indices, Indices, Array, NDArray[np.bool_]]:
+    """The same, a place at a target on the move to it (left) or from it."""
     length, targets = predicted.path.length, predicted.targets
     known = np.flatnonzero(~np.isnan(length))
     row = np.full(len(length), -1)
     row[targets] = np.arange(len(targets))
-    upper = np.clip(np.searchsorted(length[known], place, side="left"), 1, max(len(known) - 1, 1))
+    upper = np.clip(np.searchsorted(length[known], place, side=side), 1, max(len(known) - 1, 1))
     first, last = known[upper - 1], known[upper]
     run = length[last] - length[first]
     with np.errstate(invalid="ignore", divide="ignore"):

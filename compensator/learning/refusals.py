@@ -10,8 +10,9 @@ from identification.common.arrays import Array, rms
 from identification.common.findings import Finding, Refused
 from identification.common.quantities import two_sigma
 
-# Chance of springs that differ so much from their load test.
-PULLED = 1e-3
+# Chance of springs that differ so much from their load test; a part tells of directions in which it took more than this share
+# of the variance.
+PULLED, TOLD = 1e-3, 1e-4
 # A robot in motion gives way more than in its load tests (Theissen et al. 2022); surely under this, something else is wrong.
 STIFFER, SURE = 0.85, 3.0
 # What is assumed of that factor beforehand is 20 % (learn.py); surely beyond three times that something else is wrong too.
@@ -62,18 +63,31 @@ def _missing(learning: Learning) -> str:
             "the fixture is missing, or the points are of another part")
 
 
+def _pull(change: Array, before: Array, after: Array) -> tuple[float, int]:
+    """Chi-square of a change (S,) of the parameters and its degrees of freedom. By the prior the change scatters by what the
+    part took of the covariance, before less after (S, S): in directions that it tells little of a little change is much."""
+    std = np.sqrt(np.maximum(np.diag(before), 1e-18))
+    variance, directions = np.linalg.eigh(before / np.outer(std, std))
+    kept = variance > 1e-12
+    white = directions[:, kept] / np.sqrt(variance[kept]) / std[:, None]
+    share, axes = np.linalg.eigh(white.T @ (before - after) @ white)
+    told = share > TOLD
+    return float(np.sum((axes.T @ white.T @ change)[told] ** 2 / share[told])), int(told.sum())
+
+
 def said_of(learning: Learning, before: Array, mean: Array) -> list[Finding]:
     """Notes and warnings on what was learned."""
     from scipy.special import chdtrc
 
     findings, source = [], learning.source
-    change = learning.learned.mean[:len(mean)] - mean
-    chi2 = float(change @ np.linalg.solve(before + 1e-18 * np.eye(len(before)), change))
-    if chdtrc(len(mean), chi2) < PULLED:
+    size = len(mean)
+    chi2, told = _pull(learning.learned.mean[:size] - mean, before, learning.learned.covariance[:size, :size])
+    if chdtrc(told, chi2) < PULLED:
         findings.append(Finding(
             "CS5313", "warning", f"the measured part pulls the springs away from what their load tests say (chi-square "
-            f"{chi2:.0f} with {len(mean)} parameters)", file=source, hint="the model lacks something that acts with the force: "
-            "compstiff diagnose on the load tests, and learn again with its --extended file"))
+            f"{chi2:.0f} of the {told} of {size} combinations that it tells of)", file=source, hint="is the stiffness file "
+            "this robot's? Else the model lacks something that acts with the force: compstiff diagnose on the load tests, and "
+            "learn again with its --extended file"))
     motion = learning.motion
     if motion.value + SURE * motion.std < STIFFER:
         findings.append(Finding(

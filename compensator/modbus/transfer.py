@@ -133,7 +133,7 @@ def _write(link: Link, address: int, values: list[int], patience_s: float) -> No
         except ExceptionReply as reply:
             if reply.code == Refusal.SEQUENCE:
                 raise _OutOfSequence from reply
-            if reply.code != Refusal.BUSY or time.monotonic() > until:
+            if reply.code != Refusal.BUSY and time.monotonic() > until:
                 raise
         time.sleep(POLL_S)
 
@@ -146,7 +146,9 @@ def _settle(link: Link, table: OffsetTable, before: Header | None, reason: Excep
         if isinstance(reason, ExceptionReply):
             why = _explained(link.read(at.RESULT, 1)[0])
     except (LinkLost, ExceptionReply):
-        sent = "a commit was sent" if sent_commit else "no commit was sent, so this call changed nothing"
+        header = table.header
+        sent = ("a commit was sent" if sent_commit else "no commit was sent, so this call changed nothing"
+                if header.windows == 1 else f"no commit of window {header.window} of {header.windows} was sent")
         raise Unconfirmed(Finding("CS5012", "error", f"the cell at {link.address} is not reachable or did not confirm: "
                                   f"{reason}; {UNKNOWN} ({sent})", hint=AGAIN)) from reason
     if active == table.header:

@@ -48,8 +48,6 @@ def _verdict(result: Verification) -> Verdict:
                        f"{result.tolerance_um:g} µm, the worst at {_worst(result.after)}.")
     if result.comparison.verdict == "worse":
         return Verdict("bad", "WORSE THAN BEFORE", f"{sentence}. Do not use this correction.")
-    if any(finding.level == "error" for finding in result.findings):
-        return Verdict("bad", "NOT PROVED", f"{sentence}, but see the errors among the findings.")
     if result.accepted:
         return Verdict("good", "ACCEPTED", f"{sentence}. All {len(result.after)} readings are within {result.tolerance_um:g} "
                                            f"µm.")

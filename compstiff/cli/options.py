@@ -23,7 +23,7 @@ class TargetRange(click.ParamType[tuple[int, int]]):
         if isinstance(value, tuple):
             return value[0], value[1]
         first, colon, last = str(value).partition(":")
-        if not (colon and first.isdigit() and last.isdigit() and int(first) <= int(last)):
+        if not (colon and first.isdecimal() and last.isdecimal() and int(first) <= int(last)):
             self.fail(f"'{value}' is not a range of targets such as 0:3", param, ctx)
         return int(first), int(last)
 

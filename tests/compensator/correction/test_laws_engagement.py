@@ -18,6 +18,7 @@ from compensator.correction.engagement import _where_it_changes
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import Estimate, Settings
+from compensator.learned.learned import Repeats
 from identification.common.findings import CompstiffError
 from tests.compensator.learning.two_tracks import TwoTracks, two_tracks
 from tests.runs.command_line import user_files as kit
@@ -440,3 +441,40 @@ def test_a_set_up_that_is_off_by_more_than_the_cut_is_told(set_up: tuple[TwoTrac
     assert not found or found[0].message.startswith(
         f"at {limited} target{'s' * (limited > 1)} of 122 the learned displacement is deeper than the cut: ")
     assert not found or (found[0].line, "--repeats" in found[0].hint) == (25 + first, level == "warning")
+
+
+@pytest.mark.parametrize("repeats", ["nothing", "setup"])
+@pytest.mark.parametrize("fits", [True, False])
+def test_with_a_part_learned_a_cutting_stiffness_fits_what_the_tool_yields(
+    set_up: tuple[TwoTracks, Path], repeats: Repeats, fits: bool
+) -> None:
+    """The force grows by K (e . n) / F_n, e what the springs yield. A set-up, carried or not, says nothing of K: it is refused
+    where more than 5 % of the push across would double for the springs alone, as it is without a part."""
+    tracks, learned = set_up
+    cell = compstiff_api.read_cell(tracks.inputs.cell)
+
+    def predicted(newton_per_metre: float) -> Predicted:
+        return compstiff_api.predict(
+            cell, compstiff_api.read_toolpath(tracks.inputs.toolpath, cell), tracks.model, tracks.inputs.forces, Settings.of(
+                cutting_stiffness=Estimate(newton_per_metre, 0.0), learned=learned, repeats=repeats))
+
+    planned = predicted(1.0)
+    targets = planned.targets
+    feed = np.gradient(planned.path.base_from_tcp.position, axis=0)[targets]
+    feed /= np.linalg.norm(feed, axis=1)[:, None]
+    force = planned.forces.wrench[targets, :3]
+    across = force - np.einsum("ni,ni->n", force, feed)[:, None] * feed
+    push = np.linalg.norm(across, axis=1)
+    turn = planned.path.base_from_object.rotation[targets]
+    yielded = 1e-6 * np.einsum("nij,nj->ni", turn, tracks.off)
+    share = np.abs(np.einsum("ni,ni->n", yielded, across)) / push**2
+    order = np.argsort(-share)
+    carried = np.cumsum(push[order]) / push.sum()
+    last = order[int(np.argmax(carried > 0.05))]
+    stiffness = (0.92 if fits else 1.03) / share[last]
+    if fits:
+        correct(predicted(stiffness))
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        correct(predicted(stiffness))
+    assert [(one.code, one.file) for one in stopped.value.findings][:1] == [("CS4123", str(tracks.inputs.toolpath))]

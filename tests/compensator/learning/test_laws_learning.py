@@ -20,7 +20,7 @@ from compensator.learning import sizes as of_sizes
 from compensator.learning.causes import Asked, said_of_causes
 from compensator.learning.chance import FALSE_RATE, _ratio, chance_of_remainder
 from compensator.learning.fitted_part import _seen_of_the_job
-from compensator.learning.held_out import held_out
+from compensator.learning.held_out import HeldOut, held_out
 from compensator.learning.learn import _parts
 from compensator.learning.other_pass import refuse_other_pass
 from compensator.learning.pages import _along, _verdict
@@ -606,6 +606,23 @@ def test_what_is_said_of_the_causes_is_their_verdict(verdict: str, code: str, le
     said = said_of_causes(Asked(found, rows, p_value=0.2), "points.csv")
     assert [(one.code, one.level) for one in said] == ([(code, level)] if code else [])
     assert not said or words in said[0].message
+
+
+@pytest.mark.parametrize(("asked", "code", "level", "words"), [
+    ({"found": None, "why_not": "too few places"}, "CS4615", "note", "were not asked: too few places"),
+    ({"withdrawn": "within two standard deviations of nothing"}, "CS4614", "warning", "is taken back: within two"),
+    ({"of_robot": False}, "CS4612", "warning", "play: not carried"),
+    ({"gained": (HeldOut(40e-6, 40e-6, 31e-6, 3.0, 8), HeldOut(40e-6, 40e-6, 12e-6, 3.0, 8))}, "CS4610", "warning",
+     "on stretches left out 31.0 um without it, 12.0 um with it: carried")])
+def test_what_is_said_of_a_cause_that_is_not_just_named(asked: dict[str, Any], code: str, level: str, words: str) -> None:
+    """Not asked, taken back, the sensor's own, and what it gains where it was not learned."""
+    cause = SimpleNamespace(label="backlash[2]", sentence="play", probability=0.97,
+                            effect=SimpleNamespace(of_robot=asked.pop("of_robot", True)))
+    named: Any = SimpleNamespace(verdict="named", causes=(cause,), clear=False)
+    rows: Any = None
+    given = Asked(asked.pop("found", named), rows, **asked)
+    assert [(one.code, one.level, one.file, words in one.message) for one in said_of_causes(given, "points.csv")] == [
+        (code, level, "points.csv", True)]
 
 
 def test_a_part_is_drawn_along_the_path_with_gaps_where_nothing_was_measured() -> None:

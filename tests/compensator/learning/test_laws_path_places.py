@@ -92,15 +92,53 @@ def test_points_that_two_places_may_have_cut_are_left_out(tracks: TwoTracks, tmp
     assert not left_out(placed, "CS5306")
 
 
-@pytest.mark.parametrize(("target", "said"), [(0, True), (1, True), (2, False), (122, False), (123, True)])
+@pytest.mark.parametrize(("target", "said"), [(0, True), (1, False), (2, False), (122, False), (123, True)])
 def test_points_of_targets_to_which_nothing_was_cut_are_left_out(
     tracks: TwoTracks, tmp_path: Path, target: int, said: bool
 ) -> None:
-    """The log has a force from target 1 to 122: the moves to 2 ... 122 cut."""
+    """The log has a force from target 1 to 122: the moves to 2 ... 122 cut, the first of them from target 1 on."""
     placed = placed_beside(tracks, tmp_path / "p.csv", [(0.0, 0.5)], named=target)
+    if not said:
+        row = int(np.flatnonzero(placed.rows == 10)[0])
+        stands = placed.before[row] + placed.share[row] * (placed.after[row] - placed.before[row])
+        assert stands == pytest.approx(target - 1)
     assert (10 in placed.rows) == (not said)
     assert [(finding.file, finding.line, finding.message) for finding in left_out(placed, "CS5307")] == ([(
         str(tmp_path / "p.csv"), 12, "1 point of 11 were cut where the log shows no force: left out")] if said else [])
+
+
+@pytest.mark.parametrize("target", [123, 124])
+def test_a_target_that_the_program_does_not_have_is_told_with_its_line(
+    tracks: TwoTracks, tmp_path: Path, target: int
+) -> None:
+    """It has 124: 0 to 123, the last of which is in the air."""
+    if target < 124:
+        assert left_out(placed_beside(tracks, tmp_path / "p.csv", [(0.0, 0.5)], named=target), "CS5307")
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        placed_beside(tracks, tmp_path / "p.csv", [(0.0, 0.5)], named=target)
+    (finding,) = stopped.value.findings
+    assert (finding.code, finding.file, finding.line) == ("CS3004", str(tmp_path / "p.csv"), 12)
+    assert finding.message == "target 124, the program has 124"
+
+
+@pytest.mark.parametrize(("loaded", "cut"), [((30, 32), False), ((30, 31), True)])
+def test_a_log_without_a_cut_says_so(
+    sample_inputs: Inputs, tracks: TwoTracks, tmp_path: Path, loaded: tuple[int, int], cut: bool
+) -> None:
+    """Two targets with force: neighbours have a move between them, others have none."""
+    log = tmp_path / "log.csv"
+    log.write_text("target,fx_n,fy_n,fz_n\n" + "".join(f"{k},{100 * (k in loaded)},0,0\n" for k in range(124)))
+    predicted = predict_files(replace(tracks.inputs, forces=log), Settings())
+    between = np.array([[x, 0, DEPTH, 5] for x in (29.2, 29.5, 29.8)])
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,dx_um", between), read_cell(tracks.inputs.cell))
+    if cut:
+        assert len(place_points(points, predicted, 0.0, 1e-3).rows) == 3
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        place_points(points, predicted, 0.0, 1e-3)
+    assert [(one.code, one.file, "there is no cut" in one.message) for one in stopped.value.findings] == [
+        ("CS5303", str(tmp_path / "p.csv"), True)]
 
 
 @pytest.mark.parametrize("radius", [0.0, 8.0])

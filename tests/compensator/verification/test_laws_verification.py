@@ -333,6 +333,100 @@ def test_either_answer_has_a_step_to_copy_and_names_the_worst_place(
     assert f"at target {worst:.0f}" in page
 
 
+def page_of(passes: dict[str, Path], before: Path, after: Path, *options: object) -> str:
+    report = passes["cell"].with_name("answer.html")
+    result = verify(passes["cell"], before, after, "--report", report, *options)
+    assert result.exit_code in (0, 3), result.output
+    return re.sub(r"<[^>]+>", "", report.read_text().split("<body>")[1]).replace("\xa0", " ")
+
+
+@pytest.mark.parametrize(("first", "second", "options", "word", "advice"), [
+    ("before", "after", (), "BETTER", "No tolerance was stated"),
+    ("after", "before", (), "WORSE THAN BEFORE", "Do not use this correction"),
+    ("after", "before", ("--tolerance-um", 1000), "WORSE THAN BEFORE", "Do not use this correction"),
+    ("before", "again", (), "NO CLEAR DIFFERENCE", "do not show that one is better")])
+def test_the_page_answers_what_the_part_showed(
+    passes: dict[str, Path], tmp_path: Path, first: str, second: str, options: tuple[object, ...], word: str, advice: str,
+) -> None:
+    """Also where a part that became worse is within a wide tolerance. Where it did, the next step is the log, not the next
+    part."""
+    target, *off = np.loadtxt(passes["before"], delimiter=",", skiprows=1).T
+    again = np.array(off).T + remembering(np.random.default_rng(3), len(target), 0.7, 20.0)
+    passes = {**passes, "again": csv(tmp_path, "again.csv", "target,dx_um,dy_um,dz_um", np.column_stack([target, again]))}
+    page = page_of(passes, passes[first], passes[second], *options)
+    answers = ["NOT ACCEPTED", "ACCEPTED", "BETTER", "WORSE THAN BEFORE", "NO CLEAR DIFFERENCE"]
+    assert [each for each in answers if each in page] == [word]
+    assert advice in page
+    assert ("--other-forces SECOND.forces.csv" in page, "compstiff learn" in page) == (word[0] == "W", word[0] != "W")
+
+
+@pytest.mark.parametrize(("header", "place", "said"), [
+    ("path_mm", [[12.34 * k] for k in range(40)], "at path length 86.4 mm"),
+    ("x_mm,y_mm,z_mm", [[12.34 * k, -0.5 * k, 3] for k in range(40)], "at x y z 86.4, -3.5, 3.0 mm")])
+def test_the_worst_place_is_named_as_the_file_has_it(
+    passes: dict[str, Path], tmp_path: Path, header: str, place: list[list[float]], said: str
+) -> None:
+    """The eighth, off by 90 um after."""
+    rng = np.random.default_rng(4)
+    before, after = 100 * rng.normal(size=(40, 1)), 10 * rng.uniform(-1, 1, (40, 1))
+    after[7] = -90
+    one, two = (csv(tmp_path, name, f"{header},dz_um", np.hstack([place, off]))
+                for name, off in (("b.csv", before), ("a.csv", after)))
+    page = page_of(passes, one, two, "--tolerance-um", 50)
+    assert f"the worst {said}" in page
+    assert ("path length [mm]" in page, "in the order of the first file" in page) == (
+        header == "path_mm", header != "path_mm")
+
+
+@pytest.mark.parametrize(("other", "file", "said"), [
+    ("target,dn_um,nx,ny,nz\n0,5,0,0,1\n1,5,0,0,1\n", "other", "has the deviation along normal"),
+    ("target,dy_um\n0,5\n1,5\n", "other", "no component was measured in both passes"),
+    ("target,dx_um\n0,5\n1,5\n", "", "")])
+def test_passes_that_were_not_measured_alike_are_not_compared(
+    passes: dict[str, Path], tmp_path: Path, other: str, file: str, said: str
+) -> None:
+    first, second = tmp_path / "first.csv", tmp_path / "other.csv"
+    first.write_text("target,dx_um,dz_um\n0,50,20\n1,55,20\n")
+    second.write_text(other)
+    result = verify(passes["cell"], first, second, "--json")
+    told = [one for one in json.loads(result.stdout)["findings"] if one["level"] == "error"]
+    assert result.exit_code == (1 if said else 0)
+    assert [(one["code"], one["file"]) for one in told] == ([("CS6020", str(second))] if said else [])
+    assert all(said in one["message"] for one in told)
+
+
+@pytest.mark.parametrize(("readings", "file", "said"), [
+    ("x_mm,y_mm,z_mm,dx_um\n0,0,0,5\n1,0,0,5\n", "told.csv", "has no x_mm y_mm z_mm"),
+    ("target,dn_um\n0,5\n1,5\n", "r.csv", "not the normal"), ("target,dn_um,nx,ny,nz\n0,5,0,0,1\n1,5,0,0,1\n", "", "")])
+def test_what_a_prediction_needs_of_the_readings_is_asked_for(
+    passes: dict[str, Path], tmp_path: Path, readings: str, file: str, said: str
+) -> None:
+    """Its targets have no places: readings at targets can be joined, those along a normal where that is known."""
+    read, told = tmp_path / "r.csv", tmp_path / "told.csv"
+    read.write_text(readings)
+    told.write_text("target,dx_um,dy_um,dz_um\n0,1,2,3\n1,2,3,4\n")
+    result = verify(passes["cell"], read, read, "--predicted", told, "--json")
+    errors = [one for one in json.loads(result.stdout)["findings"] if one["level"] == "error"]
+    assert [(one["code"], Path(one["file"]).name) for one in errors] == ([("CS6028", file)] if said else [])
+    assert all(said in one["message"] for one in errors)
+    assert result.exit_code == (1 if said else 0)
+
+
+@pytest.mark.parametrize(("count", "said"), [(4, "no interval"), (30, "rather too narrow"), (600, "")])
+def test_a_scale_of_too_few_places_is_told(passes: dict[str, Path], tmp_path: Path, count: int, said: str) -> None:
+    """What it leaves is alike over dozens of places."""
+    rng = np.random.default_rng(5)
+    target = np.arange(count)
+    told = np.column_stack([80 + 40 * np.sin(target / 3), 60 * np.cos(target / 5), 50 * np.sin(target / 7)])
+    off = 1.2 * told + remembering(rng, count, 0.9 if count < 600 else 0.5, 10.0)
+    read, file = (csv(tmp_path, name, "target,dx_um,dy_um,dz_um", np.column_stack([target, what]))
+                  for name, what in (("r.csv", off), ("told.csv", told)))
+    result = verify(passes["cell"], read, passes["after"], "--predicted", file, "--json")
+    told_of = [one for one in json.loads(result.stdout)["findings"] if one["code"] == "CS6024" and "scale" in one["message"]]
+    assert [(one["level"], one["file"], f"{count} places" in one["message"], said in one["message"]) for one in told_of] == (
+        [("warning", str(read), True, True)] if said else [])
+
+
 @pytest.mark.parametrize(("name", "options"), [("places", ("--frame", "workobject")), ("normal", ())])
 def test_the_scale_in_other_frames_and_along_the_normal(passes: dict[str, Path], name: str, options: tuple[str, ...]) -> None:
     result = verify(passes["cell"], passes[name], passes[name], "--predicted", passes["predicted"], *options, "--json")

@@ -8,6 +8,7 @@ import pytest
 
 from compstiff import read_cell
 from compstiff.batch.pairing import Folders, paired, programs_in
+from identification.common.findings import CompstiffError
 from tests.compensator.cutting.test_contract_asked import job, stiff, told
 from tests.runs.command_line import user_files as kit
 
@@ -52,3 +53,25 @@ def test_a_program_with_two_stock_files_is_not_corrected(tmp_path: Path, second:
     assert [(name, one["level"], one["message"], one["file"]) for name, one in found] == ([
         ("two", "error", f"has 2 stock files: two.stock.yaml, two.{second}", str(folder / "two.mod"))] if double else [])
     assert (run.code, (out / "two.mod").exists()) == ((1, False) if double else (0, predicted))
+
+
+@pytest.mark.parametrize("name", ["output", "offsets", "report"])
+def test_a_file_where_a_folder_is_to_be_made_is_told(tmp_path: Path, name: str) -> None:
+    places = {each: tmp_path / each / "deeper" for each in ("output", "offsets", "report")}
+    Folders(**places).make()
+    assert all(place.is_dir() for place in places.values())
+    Folders(**places).make()
+    (tmp_path / "taken").write_text("mine")
+    with pytest.raises(CompstiffError) as stopped:
+        Folders(**places | {name: tmp_path / "taken"}).make()
+    assert [(one.code, one.file, bool(one.hint)) for one in stopped.value.findings] == [
+        ("CS0004", str(tmp_path / "taken"), True)]
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_a_folder_that_is_none_is_told(tmp_path: Path) -> None:
+    for folder in (tmp_path / "away", tmp_path / "file.mod"):
+        (tmp_path / "file.mod").write_text("")
+        with pytest.raises(CompstiffError) as stopped:
+            programs_in(folder)
+        assert [(one.code, one.file) for one in stopped.value.findings] == [("CS0005", str(folder))]

@@ -297,3 +297,59 @@ def test_a_file_that_may_not_be_read_is_a_wrong_call(tmp_path: Path, monkeypatch
     done = CliRunner().invoke(group, ["convert", str(file), "-o", str(tmp_path / "other.csv")])
     assert done.exit_code == 2
     assert f"'{file}' is not readable" in done.stderr
+
+
+S = ("--stiffness", "s.json")
+F = ("--forces", "f.csv")
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (("correct", "cell.yaml", "part.mod", "second.mod", *S, *F, "--shard", "1/2", "-o", "out"),
+     "--scheduler and --shard are for several programs: these are the modules of one job"),
+    (("correct", "cell.yaml", "part.mod", *S, *F, "--scheduler", "tcp://h:1", "-o", "out.mod"),
+     "--scheduler and --shard are for several programs, or a folder of them"),
+    (("correct", "cell.yaml", "folder", *S, "--predict-force", "s.json", "--stock", "stock.yaml", "-o", "out"),
+     "part.stock.yaml (or .npz) beside part.mod"),
+    (("correct", "cell.yaml", "part.mod", *S, *F, "--tare", "\u00b2:3", "-o", "out.mod"), "is not a range of targets"),
+    (("correct", "cell.yaml", "part.mod", *S, *F, "--tare", "3:2", "-o", "out.mod"), "is not a range of targets"),
+    (("correct", "cell.yaml", "folder", *S, *F, "--shard", "3/2", "-o", "out"), "'3/2' is no part K/N"),
+    (("correct", "cell.yaml", "folder", *S, *F, "--shard", "half", "-o", "out"), "'half' is no part K/N"),
+    (("correct", "cell.yaml", "part.mod", *S, *F, "--tool-x", "1,0", "-o", "out.mod"), "'1,0' is not a direction"),
+    (("correct", "cell.yaml", "part.mod", *S, *F, "--tool-x", "0,0,0", "-o", "out.mod"), "'0,0,0' has no direction"),
+    (("correct", "cell.yaml", "part.mod", *S, *F, "--tool-x", "1,nan,0", "-o", "out.mod"), "'1,nan,0' has no direction"),
+    (("predict", "cell.yaml", "part.mod", *S, *F, "--budget", "-o", "d.csv"), "--budget and --tolerance-um go together"),
+    (("predict", "cell.yaml", "part.mod", *S, *F, "--tolerance-um", "50", "-o", "d.csv"), "--budget and --tolerance-um go"),
+    (("predict", "cell.yaml", "part.mod", *S, *F, "--depth-of-cut", "3", "-o", "d.csv"), "are for correct, and for --budget"),
+    (("predict", "cell.yaml", "part.mod", *S, *F, "--budget", "--tolerance-um", "50", "--first-forces", "f.csv", "-o", "d.csv"),
+     "--first-forces needs --logged-with"),
+    (("push", "cell.yaml", "off.csv", "--corrwrite"), "--corrwrite belongs to --receiver"),
+    (("push", "cell.yaml", "off.csv", "--apply"), "--apply needs --program"),
+    (("cutting", "cell.yaml", "part.mod", *F, "--stock", "stock.yaml", "-o", "c.json"), "--forces needs --stiffness."),
+    (("cutting", "cell.yaml", "part.mod", *F, "-o", "c.json"), "--forces needs --stock and --stiffness."),
+    (("cutting", "cell.yaml", "part.mod", *S, "-o", "c.json"), "are about a log: name it with --forces"),
+    (("post", "cell.yaml", "path.apt", "path.csv", "-o", "out.mod"), "posted one by one; only RAPID modules are joined"),
+    (("identify", "cell.yaml", "rows.csv", "--also", "motion.csv", "-o", "k.json"), "rows.csv is none"),
+    (("diagnose", "cell.yaml", "rows.csv", "--also", "motion.csv", "-o", "k.json"), "rows.csv is none"),
+    (("diagnose", "cell.yaml", "motion.csv", "--mend", "m", "-o", "k.json"), "--mend is for load tests"),
+    (("design", "cell.yaml", "--axes", "xx", "-o", "p.csv"), "'xx' is not one to three different letters of xyz"),
+    (("design", "cell.yaml", "--axes", "w", "-o", "p.csv"), "'w' is not one to three different letters of xyz"),
+    (("design", "cell.yaml", "--add", "3", "rows.csv", "--criterion", "C", "--diagnosis", "s.json", "-o", "p.csv"),
+     "give one of them"),
+    (("design", "cell.yaml", "--add", "3", "rows.csv", "--measurements", "4", "-o", "p.csv"), "--add says how many runs"),
+    (("init", "new", "--tool-tcp", "120,0"), "is not 3 numbers with commas between them, such as 120,0,250"),
+    (("init", "new", "--tool-tcp", "120,0,high"), "is not 3 numbers with commas between them, such as 120,0,250")])
+def test_words_that_do_not_go_together_are_a_wrong_call(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], said: str
+) -> None:
+    """Before anything is read or written, with exit code 2 and in one sentence."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    header = {"rows.csv": "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,dx_um,dy_um,dz_um\n",
+              "motion.csv": "time_s,q1_motor_deg,q1_link_deg,tau1_nm\n0,0,0,0\n1,1,1,1\n"}
+    for name in ("cell.yaml", "part.mod", "second.mod", "s.json", "f.csv", "off.csv", "stock.yaml", "path.apt", "path.csv",
+                 "rows.csv", "motion.csv"):
+        (tmp_path / name).write_text(header.get(name, "nothing\n"))
+    before = sorted(tmp_path.rglob("*"))
+    done = CliRunner().invoke(group, list(words))
+    assert (done.exit_code, said in done.stderr.replace("\n", " ")) == (2, True), (done.output, done.exception)
+    assert sorted(tmp_path.rglob("*")) == before

@@ -478,3 +478,48 @@ def test_rows_with_a_load_and_poses_are_counted(folder: Path) -> None:
     sheet.write_text("\n".join([header, ",".join(zero), *rows, ",".join(zero)]) + "\n")
     (found,) = [one["found"] for one in check(folder, sheet).json["result"]["files"] if one["file"].endswith(".csv")]
     assert found.startswith("62 rows, 60 with a load, ")
+
+
+def test_each_kind_is_said_in_its_own_words(folder: Path) -> None:
+    """What a user would look for in the file: how far, how many, for whom."""
+    rows = "\n".join(f"{k},{x},{y},0" for k, (x, y) in enumerate([(0.1, 0.05), (-0.31, 0.2), (0, 0.123)]))
+    (folder / "offsets.csv").write_text(f"target,ox_mm,oy_mm,oz_mm\n{rows}\n")
+    (folder / "before.csv").write_text("target,dx_um,dy_um,dz_um\n0,1,2,3\n1,2,3,4\n")
+    (folder / "points.csv").write_text("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,10,5\n2,2,3,10,5\n3,2,3,10,5\n")
+    simulated_joint.write(folder / "motion.csv", simulated_joint.columns(1, {}))
+    shutil.copy(SAMPLES / "cell.yaml", folder / "second.yaml")
+    (folder / "plan.json").write_text(json.dumps({"format": "compstiff-diagnosis", "version": 1}))
+    run = check(folder, *(folder / name for name in ("offsets.csv", "before.csv", "points.csv", "motion.csv", "second.yaml",
+                                                    "plan.json")))
+    found = {Path(one["file"]).name: one["found"] for one in run.json["result"]["files"]}
+    assert found["offsets.csv"] == "3 rows from target 0, largest component 0.31 mm"
+    assert found["before.csv"] == "2 rows"
+    assert found["points.csv"] == "3 points"
+    assert found["motion.csv"] == "joints 2, 5000 samples at 250 Hz"
+    assert found["second.yaml"].startswith(f"{ROBOT}, TCP at [")
+    assert found["plan.json"] == "of a plan"
+
+
+@pytest.mark.parametrize(("name", "content", "line"), [
+    ("k.json", "{\n  broken\n", 2), ("deep.json", "[" * 200_000, None), ("half.json", b'{"format": "\xff"}', None)])
+def test_a_json_file_that_is_none_is_said(folder: Path, name: str, content: str | bytes, line: int | None) -> None:
+    (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    run = check(folder, folder / name)
+    (told,) = [one for one in run.json["findings"] if one["code"] == "CS0110"]
+    assert (run.code, told["level"], Path(told["file"]).name, told["line"]) == (1, "error", name, line)
+    assert "is not JSON" in told["message"]
+
+
+@pytest.mark.parametrize("rows", ["ask,why\n1,2\n", "ask,why,how\n1,2,3\n"])
+def test_a_table_with_the_columns_that_the_cell_names_is_a_log(folder: Path, rows: str) -> None:
+    """Named by number in cell.yaml: a table of as many columns, whatever stands above them, and no other one."""
+    cell = folder / "cell.yaml"
+    text = cell.read_text()
+    assert "columns:" not in text
+    text = re.sub(r"^force_log: *\{", "force_log: {columns: [fx_n, fy_n, fz_n], ", text, flags=re.M)
+    assert "columns:" in text
+    cell.write_text(text)
+    (folder / "odd.csv").write_text(rows)
+    run = check(folder, folder / "odd.csv")
+    kinds = {name: kind for name, (kind, _) in verdicts(run).items()}
+    assert kinds["odd.csv"] == ("force log" if "how" in rows else "")
