@@ -285,3 +285,18 @@ def test_what_is_wrong_is_told_in_the_order_of_the_lines(tmp_path: Path) -> None
     with pytest.raises(CompstiffError) as caught:
         read(tmp_path, f"{HEADER},purpose", *[unknown] * 25)
     assert len(caught.value.findings) == 20
+
+
+def test_rows_that_follow_have_visits_references_and_numbers_of_their_own(tmp_path: Path) -> None:
+    header, *rows = up_and_down(0.01, visits=2)
+    (tmp_path / "cell.yaml").write_text("robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\n")
+    (tmp_path / "m.csv").write_text("\n".join([header, *rows]) + "\n")
+    one = read_measurements(tmp_path / "m.csv", read_cell(tmp_path / "cell.yaml"))
+    both, count = one.followed_by(one), len(one)
+    assert len(both) == 2 * count
+    for name in ("visit", "reference", "row"):
+        own, following = getattr(both, name)[:count], getattr(both, name)[count:]
+        assert np.array_equal(own, getattr(one, name))
+        assert following.min() == own.max() + 1, name
+        assert np.array_equal(following - following.min(), own - own.min())
+    assert_allclose(both.deflection, np.vstack([one.deflection, one.deflection]))

@@ -407,3 +407,16 @@ def test_comments_of_the_cam_file_stay_comments(tmp_path, cell):
     assert all(line.lstrip().startswith(b"!") and len(line) < 250 for line in more)
     assert re.fullmatch(rb"[\n\r\t -~]*", content)
     assert [line for line in content.splitlines() if line not in more] == plain.splitlines()
+
+
+def test_how_large_a_cut_is_and_how_long_it_takes_is_told(tmp_path) -> None:
+    """Two lines of 240 and 80 mm at 20 mm/s: 16 s. A wrong unit of lengths or feeds shows here; the way in the air counts for
+    neither."""
+    (tmp_path / "part.apt").write_text("UNITS/MM\nRAPID\nGOTO/0,0,60,0,0,1\nFEDRAT/1200,MMPM\nGOTO/0,0,0\nGOTO/240,0,0\n"
+                                       "GOTO/240,80,0\n")
+    (tmp_path / "cell.yaml").write_text(
+        "robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250], mass_kg: 50, centre_of_mass_mm: [0, 0, 100]}\n"
+        "workobject: {position_mm: [1400, 500, 800], quaternion: [1, 0, 0, 0]}\n")
+    posted = post(read_apt(tmp_path / "part.apt"), read_cell(tmp_path / "cell.yaml"), DEFAULTS.posting, "part.mod")
+    assert posted.size == pytest.approx([240, 80, 0])
+    assert posted.minutes == pytest.approx((60 + 240 + 80) / 20 / 60)

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from compstiff.cli.main import compstiff
 from identification.common.findings import CompstiffError
-from identification.formats.convert import convert_log
+from identification.formats.convert import Converted, convert_log
 from identification.formats.lvm import read_lvm
 from identification.formats.metallicadour import read_metallicadour
 from identification.formats.net_ft import RECORD, read_net_ft
@@ -254,3 +254,10 @@ def test_a_tachometer_is_no_force(tmp_path: Path) -> None:
     path.write_text(with_units(text, "N", "N", "rpm"))
     with pytest.raises(CompstiffError, match="channel Fz is in rpm"):
         read_lvm(path)
+
+
+def test_how_long_a_log_is_does_not_hang_on_when_it_began() -> None:
+    columns = {"time_s": 1000.0 + 0.5 * np.arange(9), "fx_n": np.zeros(9)}
+    converted = Converted(columns, {}, ())
+    assert converted.seconds == 4.0
+    assert converted.as_dict()["seconds"] == 4.0
