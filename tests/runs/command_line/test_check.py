@@ -264,6 +264,17 @@ def test_quaternions_of_a_program_in_the_other_order_are_named(tmp_path: Path, p
     assert sum(words.startswith(f"with {told} read as x y z w, every target is reached") for words in said) == 1, said
 
 
+def test_how_many_targets_and_how_long_a_way_a_program_has(tmp_path: Path) -> None:
+    """Down by 60 mm, three times 240 mm across, and back twice."""
+    (tmp_path / "cell.yaml").write_text(PLACED.replace("[1400, 500, 800]", "[100, 1300, 700]") % [1, 0, 0, 0]
+                                        + "base_frame: {quaternion: [0.70710678, 0, 0, 0.70710678]}\n")
+    (tmp_path / "part.apt").write_text(APT)
+    run = check(tmp_path, tmp_path / "part.apt")
+    (found,) = [one["found"] for one in run.json["result"]["files"] if one["file"].endswith(".apt")]
+    assert found == f"7 targets, 7 reached, {1e-3 * (60 + 3 * 240 + 2 * np.hypot(240, 40)):.3g} m"
+    assert run.json["exit_code"] == 0
+
+
 @pytest.mark.parametrize(("home", "told"), [("MoveAbsJ [[0,-20,30,0,60,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;", False),
                                             ("MoveJ [[100,1300,900],[0,-0.70710678,0.70710678,0],[-1,0,-1,0],"
                                              "[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;", True)])
