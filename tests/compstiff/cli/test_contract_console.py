@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from compstiff import explain_code
 from compstiff.cli import console
 from compstiff.cli.main import compstiff as group
-from compstiff.cli.options import TargetRange
+from compstiff.cli.options import MinSpacing, TargetRange
 from compstiff.outcome import Outcome, Session
 from identification.common.catalogue import catalogue
 from identification.common.files import check_writable, write_whole
@@ -353,3 +353,22 @@ def test_words_that_do_not_go_together_are_a_wrong_call(
     done = CliRunner().invoke(group, list(words))
     assert (done.exit_code, said in done.stderr.replace("\n", " ")) == (2, True), (done.output, done.exception)
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_how_near_targets_may_stand_is_no_nearer_than_a_twentieth_of_a_millimetre() -> None:
+    """With a time behind a colon, or without; none is as near as nothing."""
+    kind = MinSpacing()
+    assert kind.convert("0.05", None, None) == pytest.approx((0.05e-3, 0.0))
+    assert kind.convert("2:15", None, None) == pytest.approx((2e-3, 15e-3))
+    for wrong in ("0.049", "1:-1", "x", "1:y"):
+        with pytest.raises(click.BadParameter):
+            kind.convert(wrong, None, None)
+
+
+def test_a_file_is_no_folder(tmp_path: Path) -> None:
+    """Of the demo, or of what a cell keeps: a wrong call, before anything is made."""
+    file = tmp_path / "part.mod"
+    file.write_text("MODULE part\nENDMODULE\n")
+    done = CliRunner().invoke(group, ["demo", str(file)])
+    assert done.exit_code == 2
+    assert "is a file" in done.stderr
