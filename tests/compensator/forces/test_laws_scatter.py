@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from compensator.forces.scatter import of_blocks
-from compensator.forces.target_rows import TargetRows
+from compensator.forces.target_rows import TargetRows, _mean_by_scatter, _rise
 
 NOISE = np.array([3.0, 1.0, 6.0])
 SAMPLES = 28
@@ -55,3 +55,20 @@ def test_a_place_that_scatters_more_has_its_own() -> None:
 def test_few_targets_keep_their_own() -> None:
     own = np.abs(np.random.default_rng(2).standard_normal((9, 3)))
     assert np.array_equal(of_blocks(own, np.full(9, 20.0), np.full(9, 6), np.ones(9, dtype=bool)), own)
+
+
+@pytest.mark.parametrize("batches", [2, 3, 4, 5, 8])
+@pytest.mark.parametrize("window", [1, 12, 30])
+def test_what_batches_scatter_is_held_against_what_their_mean_does(batches: int, window: int) -> None:
+    """White noise under a moving mean, drawn: the variance of the mean over the squares of its batches about their mean, or
+    their line where there are four and more."""
+    rng, each, count = np.random.default_rng(batches + window), 40, 10_000
+    total = np.cumsum(np.pad(rng.standard_normal((count, batches * each + window - 1)), ((0, 0), (1, 0))), axis=1)
+    means = ((total[:, window:] - total[:, :-window]) / window).reshape(count, batches, each).mean(axis=2)
+    mean = means.mean(axis=1)
+    place = np.arange(batches) - means.shape[1] / 2 + 0.5
+    slope = (means @ place / (place @ place) if batches >= 4 else np.zeros(count))[:, None]
+    squares = np.sum((means - mean[:, None] - slope * place) ** 2, axis=1).mean()
+    given = np.array([batches])
+    found = _mean_by_scatter(np.array([batches * each]), given, float(window), _rise(given))
+    assert found[0] == pytest.approx(mean.var() / squares, rel=0.07)
