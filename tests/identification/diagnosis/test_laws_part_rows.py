@@ -150,3 +150,20 @@ def test_what_is_within_two_sigma_of_nothing_is_nothing(off: float, nothing: boo
     term = Term(effect, 2, np.array([1e-5, 50.0]), np.array([4e-5, 100.0]), np.zeros(2))
     found = of_nothing((term,), np.array([off * 1e-6, 50.0]), np.diag([1e-12, 1.0]))
     assert (found == ("soft_zone[2]",)) == nothing
+
+
+def test_what_a_visit_may_do_by_itself_is_noise_that_goes_together() -> None:
+    """By the whole covariance, inverted: white noise and, for each visit in which a cause moves the tool, as much as it moves
+    it there. Freed for two causes, of both."""
+    state = state_of_a_path()
+    rows = rows_of(state, np.zeros((PLACES, 3)), np.random.default_rng(1))
+    rng = np.random.default_rng(3)
+    moves = [1e-6 * rng.normal(0, 20, (len(state.theta), 3, 1)) for _ in range(2)]
+    columns = rng.normal(size=(rows.readings, 1, 4))
+    covariance, freed = np.eye(rows.readings), rows
+    for moved in moves:
+        freed = freed.freed(moved)
+        for number in np.unique(state.visit):
+            one = rows.whitened(moved * (state.visit == number)[:, None, None])[:, 0, 0]
+            covariance += np.outer(one, one)
+    np.testing.assert_allclose(freed.apply(columns)[:, 0], np.linalg.solve(covariance, columns[:, 0]), rtol=1e-8, atol=1e-10)
