@@ -195,10 +195,20 @@ def test_a_routine_that_nobody_calls_does_not_say_where_the_stock_stands(tmp_pat
 
     program = job(tmp_path)
     plain, (head, moves) = forces(), program.read_text().removesuffix("ENDPROC\nENDMODULE\n").split("PROC main()\n")
-    program.write_text(f'{head}PERS wobjdata wOld:=[FALSE,TRUE,"",[[0,0,9],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPROC main()\n{moves}'
-                       f"ENDPROC\nPROC Old()\n{2 * moves.replace('wobj0', 'wOld')}ENDPROC\nENDMODULE\n")
+    old = 'PERS wobjdata wOld:=[FALSE,TRUE,"",[[0,0,9],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];'
+    uncalled = 2 * moves.replace("wobj0", "wOld")
+    program.write_text(f"{head}{old}\nPROC main()\n{moves}ENDPROC\nPROC Old()\n{uncalled}ENDPROC\nENDMODULE\n")
     assert np.abs(plain).max() > 100
     np.testing.assert_allclose(forces()[:len(plain)], plain)
+
+
+def test_a_program_of_one_target_cuts_nothing(tmp_path: Path) -> None:
+    """It has no way, so its predicted log has no sample."""
+    program = job(tmp_path)
+    *_, last = (text for text in program.read_text().splitlines() if text.startswith("MoveL"))
+    program.write_text("\n".join(text for text in program.read_text().splitlines() if text == last or "MoveL" not in text))
+    found = predicted(tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+    assert [finding.code for finding in found if finding.level == "warning"] == ["CS4709", "CS3011"]
 
 
 def test_a_table_that_moves_between_two_work_objects_is_refused(tmp_path: Path) -> None:
