@@ -145,8 +145,8 @@ def test_profiles_say_what_the_data_say_whatever_the_prior_holds(tmp_path, facto
 
 @pytest.mark.parametrize(("wanted", "std"), [(0.02, 0.1), (0.0, 0.1), (-0.3, 0.2), (-5.0, 1.0)])
 def test_data_that_want_no_compliance_say_how_stiff_a_joint_is_at_least(wanted, std) -> None:
-    """One joint of its own, whose compliance by the data is wanted +- std of that which the prior holds: where a Gaussian that is
-    cut off at zero has fallen by half the 95 % quantile of chi-square, in closed form. It was told to be flat."""
+    """One joint of its own, whose compliance by the data is wanted +- std of that which the prior holds: where a Gaussian that
+    is cut off at zero has fallen by half the 95 % quantile of chi-square, in closed form. It was told to be flat."""
     information = np.diag(np.array([std, *[0.1] * 5]) ** -2)
     pull = information @ np.array([wanted - 1, *[0.0] * 5])
     held = SimpleNamespace(
