@@ -133,8 +133,6 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
     ("identification/fit/identifiability.py",
      "theta = middle + 0.7 * rng.uniform(robot.limits[:, 0] - middle, robot.limits[:, 1] - middle, (4 * CANDIDATES, 6))",
      "0.7 -> (0.7 * 2)", "other random poses within the limits: what the best of them would bring is worked out for itself"),
-    ("identification/fit/profile.py", "inside = np.flatnonzero(drop < DROP_95)", "< -> <=",
-     "a bound on a real number, met exactly by none"),
     ("identification/fit/variance_components.py", "break", "break -> continue",
      "saves time: further steps gain no more than is too little for one"),
     ("identification/diagnosis/naming.py",

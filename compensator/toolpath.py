@@ -152,6 +152,11 @@ class Toolpath:
         """What people are told of a target (N,): its number in the program as given, that of its move where it was added."""
         return np.arange(len(self)) if self.given is None else self.given
 
+    @property
+    def by_joints(self) -> NDArray[np.bool_]:
+        """The moves (N,) on which the joints lead and the tool's way is not a line or an arc."""
+        return np.asarray(np.isin(self.move, (Move.JOINT, Move.ABSOLUTE)))
+
     def taken(self, order: Indices) -> Toolpath:
         """Some of its targets (D,), in another order, as a path of their own."""
         rows: dict[str, Any] = {name: value[order] for name, value in vars(self).items()

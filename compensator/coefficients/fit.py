@@ -28,7 +28,6 @@ from compensator.cutting.stock_file import Blank, read_stock
 from compensator.forces.placement import ForceLog
 from compensator.forces.target_forces import TargetForces
 from compensator.posting.read_toolpath import PlannedProgram
-from compensator.toolpath import Move
 from identification.common.arrays import Array
 from identification.common.files import sha256
 from identification.common.findings import Finding, Refused, counted, error, verb
@@ -158,7 +157,7 @@ def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings =
         raise error("CS4731", "without a log the coefficients come from the table, and cutting.material is not stated",
                     file=str(cell.source), hint="state cutting.material in cell.yaml, or name a log (--forces)")
     toolpath = program.toolpath
-    may_cut = ~program.air & ~np.isin(toolpath.move, (Move.JOINT, Move.ABSOLUTE))
+    may_cut = ~program.air & ~toolpath.by_joints
     feed, count = toolpath.feed[may_cut & np.isfinite(toolpath.feed)], int(may_cut.sum())
     if not len(feed):
         raise error("CS4731", "the program states no feed", file=toolpath.source, hint="the chip's thickness needs it")

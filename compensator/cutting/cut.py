@@ -232,12 +232,12 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
         raise error("CS4703", "the chip's thickness needs the spindle's speed", file=str(cell.source),
                     hint="--spindle-rpm, or force_log.spindle_rpm in cell.yaml")
     blank = stock if isinstance(stock, Blank) else read_stock(stock)
-    number = stock_object(path)
+    driven = driven_path(path)
+    number = stock_object(path if driven is None else driven.run)
     path = in_object(path, number)
     off = None if aside is None else path.base_from_object.inverse().turn(aside)
     piece = min(LONGEST, SHARE * cutter.radius)
     ball = cutter.radius if cutter.ball else 0.0
-    driven = driven_path(path)
     run = path if driven is None else in_object(driven.run, number)
     off = off if off is None or driven is None else off[driven.order]
     track = track_of(run, cutter.teeth, 60 / speed, piece, off, ball)

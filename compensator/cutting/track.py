@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from compensator.forces.program_time import moves_in_air
 from compensator.path.arc_length import nearest_target, polyline
 from compensator.path.robot_path import RobotPath
-from compensator.toolpath import Move
 from identification.common.arrays import Array, read_only
 from identification.common.findings import CompstiffError
 from identification.model.rotations import Frame
@@ -54,7 +53,7 @@ class Track:
 def stock_object(path: RobotPath) -> int:
     """The number of the work object that most moves have of those that may cut: no joint moves, nor at the speed of the air."""
     toolpath = path.toolpath
-    linear = path.known & ~_by_joints(toolpath.move)
+    linear = path.known & ~toolpath.by_joints
     cutting = linear & ~moves_in_air(toolpath)
     which = next((some for some in (cutting, linear) if some.any()), slice(None))
     return int(np.argmax(np.bincount(toolpath.workobject[which])))
@@ -94,16 +93,11 @@ def refuse_other_objects(path: RobotPath, number: int, track: Track, cuts: NDArr
         "one program a work object; moves that cut nothing may have others"))
 
 
-def _by_joints(move: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    return np.asarray(np.isin(move, (Move.JOINT, Move.ABSOLUTE)))
-
-
 def track_of(
     path: RobotPath, teeth: int, revolution: float, step: float, aside: Array | None = None, ball: float = 0.0
 ) -> Track:
     """The path of the tip in steps of at most `step` [m]; revolution [s] of the spindle; aside (N, 3) [m], work object: where
-    the tool stood off the path at the targets, None: on it; ball [m]: radius of a cutter that is one, 0: it is not.
-    """
+    the tool stood off the path at the targets, None: on it; ball [m]: radius of a cutter that is one, 0: it is not."""
     toolpath = path.toolpath
     known = np.flatnonzero(path.known & ~np.isnan(path.length))
     tcp = path.base_from_object.inverse() @ path.base_from_tcp
@@ -135,6 +129,6 @@ def track_of(
     move = known[np.clip(np.searchsorted(path.length[known], place, side="left"), 0, len(known) - 1)]
     done = (high - low) * span[owner]
     chip = toolpath.feed[move] * faster[owner] * revolution / teeth
-    joint = _by_joints(toolpath.move[move])
+    joint = toolpath.by_joints[move]
     return Track(start[kept], end[kept], place[kept], done[kept], target[kept], move[kept], chip[kept], joint[kept],
                  axis_at(place[kept]))

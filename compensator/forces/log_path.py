@@ -93,7 +93,7 @@ def _reach(points: Array) -> float:
 
 def _unit_of(position: Array, points: Array) -> str:
     """The unit in which positions (M, 3) would reach as far as the path, points (K, 3); "" for none."""
-    reach = _reach(position)
+    reach = _reach(position) if len(position) else 0.0
     ratio = _reach(points) / reach if reach > 0 else 0.0
     return next((unit for unit, factor in UNITS.items() if 0.8 * factor < ratio < 1.25 * factor), "")
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from compensator.path.robot_path import RobotPath
 from compensator.path.timing import drive
-from compensator.toolpath import Move, Toolpath
+from compensator.toolpath import Toolpath
 from identification.common.arrays import Array, read_only
 from identification.common.findings import counted, error
 
@@ -113,7 +113,7 @@ def air_moves(feed: Array, by_joints: Flags) -> Flags:
 
 def moves_in_air(toolpath: Toolpath) -> Flags:
     """The moves (N,) of a toolpath that do not cut (`air_moves`)."""
-    return air_moves(toolpath.feed, np.asarray(np.isin(toolpath.move, (Move.JOINT, Move.ABSOLUTE))))
+    return air_moves(toolpath.feed, toolpath.by_joints)
 
 
 def kinds_of_cut(feed: Array, air: Flags, length: Array) -> Indices:

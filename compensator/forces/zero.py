@@ -108,7 +108,7 @@ def zero_of(
         findings.append(_estimated(payload, air, log))
         if payload is not None and payload.told_from_none:
             # The centre in the log's own frame, where the sensor sits: carried to the flange once.
-            mass, centre = payload.mass, _in_flange(payload, path.flange_from_tcp[tare[0][0]], form)
+            mass, centre = payload.mass, _in_flange(payload, _tool_of(path, rows, tare), form)
     held = np.zeros((len(path.toolpath), 6))
     if mass:
         arm = None
@@ -202,6 +202,14 @@ def _per_stretch(values: Array, rows: TargetRows, tare: Sequence[Range]) -> Arra
     """Means (k, 6) over the samples of each stretch of what each target has."""
     inside = [rows.between(*stretch) for stretch in tare]
     return np.array([np.average(values[rows.target[part]], axis=0, weights=rows.weight[part]) for part in inside])
+
+
+def _tool_of(path: RobotPath, rows: TargetRows, tare: Sequence[Range]) -> Frame:
+    """The tool, flange_from_tcp, that most samples of the stretches have: one may begin at a home with tool0."""
+    inside = np.concatenate([rows.between(*stretch) for stretch in tare])
+    target = rows.target[inside]
+    tool = path.toolpath.tool[target]
+    return path.flange_from_tcp[int(target[np.argmax(np.bincount(tool, rows.weight[inside])[tool])])]
 
 
 def _in_flange(payload: Payload, flange_from_tcp: Frame, form: ForceLogFrame) -> Array | None:

@@ -133,7 +133,7 @@ def _write(link: Link, address: int, values: list[int], patience_s: float) -> No
         except ExceptionReply as reply:
             if reply.code == Refusal.SEQUENCE:
                 raise _OutOfSequence from reply
-            if reply.code != Refusal.BUSY and time.monotonic() > until:
+            if reply.code != Refusal.BUSY or time.monotonic() > until:
                 raise
         time.sleep(POLL_S)
 

@@ -181,7 +181,7 @@ class Values:
             if expr.kind in ("number", "string", "aggregate"):
                 raise self.source.fail("CS2005", f"found {self.spelled(expr)}, expected TRUE or FALSE: {what}", expr.start)
             site = self.declared(expr, scope, "bool") if expr.kind in ("name", "element") else None
-            if not isinstance(site, Site):
+            if not isinstance(site, Site) or self.names.declarations[site.declaration].storage != "const":
                 return later
             expr, scope = site.expr, site.scope
         return later

@@ -163,17 +163,18 @@ def _check_scatter(readings: Readings, line: Indices) -> None:
 
 def _check_normals(readings: Readings, line: Indices) -> None:
     """Refuses readings of one target along other normals (CS6020), as of both walls of a corner: their mean is of neither."""
-    if readings.key != "target" or readings.deviation.shape[1] == 3 or readings.normal is None:
+    if readings.key != "target" or readings.axes != ("normal",) or readings.normal is None:
         return
-    target = readings.place[:, 0]
+    measured = np.flatnonzero(~np.isnan(readings.deviation[:, 0]))
+    target, normal = readings.place[measured, 0], readings.normal[measured]
     _, first, member = np.unique(target, return_index=True, return_inverse=True)
-    alike = np.einsum("ni,ni->n", readings.normal, readings.normal[first[member.ravel()]])
+    alike = np.einsum("ni,ni->n", normal, normal[first[member.ravel()]])
     apart = np.flatnonzero(alike < np.cos(np.radians(APART_DEG)))
     if len(apart):
         row = int(apart[0])
         raise error("CS6020", f"target {target[row]:.0f} has readings along normals that are "
                     f"{np.degrees(np.arccos(np.clip(alike[row], -1, 1))):.0f} degrees apart, expected up to {APART_DEG:g}: one "
-                    "deviation cannot be made of them", file=readings.source, line=int(line[row]),
+                    "deviation cannot be made of them", file=readings.source, line=int(line[measured[row]]),
                     hint="place them by x_mm y_mm z_mm (planned)")
 
 

@@ -18,8 +18,8 @@ from pathlib import Path
 from identification.common.files import FileStamp, file_stamp
 
 _MODULE = re.compile(rb"^\s*MODULE\s", re.MULTILINE | re.IGNORECASE)
-# A comment that names it is no end.
-_END = re.compile(rb"(?:^|[\r\n])[^!\r\n]*\bENDMODULE\b", re.IGNORECASE)
+# A comment that names it is no end, nor is a string; an exclamation mark in a string begins no comment.
+_END = re.compile(rb'(?:^|[\r\n])(?:[^!"\r\n]|"[^"\r\n]*")*?\bENDMODULE\b', re.IGNORECASE)
 
 
 @dataclass

@@ -20,8 +20,6 @@ Array = NDArray[np.float64]
 DROP_95 = 1.9207294103470620
 SPAN = 50.0
 POINTS = 81
-# Data that want no compliance, or less, count for this share of the posterior's.
-LEAST = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +55,9 @@ def profiles(posterior: Posterior) -> tuple[Profile, ...]:
     root = np.sqrt(np.maximum(eigenvalues, 1e-12 * eigenvalues.max()))[:, None] * vectors.T
     target = np.linalg.solve(root.T, pull) + root @ np.ones(6)
     likeliest = lsq_linear(root, target, bounds=(0.0, np.inf), method="bvls")
-    best, of_data = likeliest.cost, np.maximum(likeliest.x, LEAST)
-    data_std = np.sqrt(np.diag(np.linalg.inv(root.T @ root))) / of_data
+    # Data that want no compliance, or less than they can tell, say how stiff it is at least: that is about one sigma of it.
+    best, compliance_std = likeliest.cost, np.sqrt(np.diag(np.linalg.inv(root.T @ root)))
+    of_data = np.maximum(likeliest.x, compliance_std)
     results = []
     for joint in range(6):
         others = np.arange(6) != joint
@@ -71,7 +70,7 @@ def profiles(posterior: Posterior) -> tuple[Profile, ...]:
         # what the data say, as many of theirs about that.
         middle, std = 1.0, np.sqrt(posterior.laplace[joint, joint])
         if cost_at(1.0) - best > 0.5 * DROP_95:
-            middle, std = 1 / of_data[joint], data_std[joint]
+            middle, std = 1 / of_data[joint], compliance_std[joint] / of_data[joint]
         span = float(np.exp(np.clip(8 * std, np.log(1.01), np.log(SPAN))))
         factors = np.geomspace(middle / span, middle * span, POINTS)            # of the stiffness
         cost = np.array([cost_at(factor) for factor in factors])

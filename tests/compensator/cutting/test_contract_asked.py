@@ -185,6 +185,32 @@ def test_moves_in_the_air_may_have_another_work_object(tmp_path: Path, air: str,
     np.testing.assert_allclose(own[first:-2], plain, atol=0.005 * np.abs(plain).max())
 
 
+def test_a_routine_that_nobody_calls_does_not_say_where_the_stock_stands(tmp_path: Path) -> None:
+    """It has more linear moves, in another work object: the forces are those of the program without it."""
+    def forces() -> np.ndarray:
+        cell = compstiff.read_cell(tmp_path / "cell.yaml")
+        settings = compstiff.Settings.of(predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+        found = compstiff.predict(cell, compstiff.read_toolpath(tmp_path / "slot.mod", cell), stiff(cell), None, settings)
+        return np.asarray(found.forces.wrench[:, :3])
+
+    program = job(tmp_path)
+    plain, (head, moves) = forces(), program.read_text().removesuffix("ENDPROC\nENDMODULE\n").split("PROC main()\n")
+    old = 'PERS wobjdata wOld:=[FALSE,TRUE,"",[[0,0,9],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];'
+    uncalled = 2 * moves.replace("wobj0", "wOld")
+    program.write_text(f"{head}{old}\nPROC main()\n{moves}ENDPROC\nPROC Old()\n{uncalled}ENDPROC\nENDMODULE\n")
+    assert np.abs(plain).max() > 100
+    np.testing.assert_allclose(forces()[:len(plain)], plain)
+
+
+def test_a_program_of_one_target_cuts_nothing(tmp_path: Path) -> None:
+    """It has no way, so its predicted log has no sample."""
+    program = job(tmp_path)
+    *_, last = (text for text in program.read_text().splitlines() if text.startswith("MoveL"))
+    program.write_text("\n".join(text for text in program.read_text().splitlines() if text == last or "MoveL" not in text))
+    found = predicted(tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+    assert [finding.code for finding in found if finding.level == "warning"] == ["CS4709", "CS3011"]
+
+
 def test_a_table_that_moves_between_two_work_objects_is_refused(tmp_path: Path) -> None:
     """Its program is driven past the stock by both, and no path says how."""
     in_own_object(tmp_path, FAR.format(z=640), TABLE)

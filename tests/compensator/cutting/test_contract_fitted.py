@@ -27,7 +27,6 @@ from compensator.coefficients.next_cut import next_cut
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import cut_of
 from compensator.cutting.materials import coefficients_of
-from compensator.toolpath import Move
 from identification.common.findings import Finding, Refused
 from identification.model.cell import read_cell
 from tests.compensator.cutting.milled import FLAT, TRUE
@@ -181,7 +180,7 @@ def test_the_table_s_chip_is_that_of_the_feed_in_the_cut(tmp_path: Path) -> None
     cell = read_cell(write_cell(tmp_path, CELL + "force_log: {spindle_rpm: 9000}\n"
                                 "cutting: {tool_diameter_mm: 16, teeth: 3, material: aluminium}\n"))
     feed, air = np.array([0.45] * 6 + [0.045] * 3 + [np.nan] * 4), np.arange(13) < 6
-    program: Any = SimpleNamespace(toolpath=SimpleNamespace(feed=feed, move=np.full(13, Move.LINEAR), cutters=(),
+    program: Any = SimpleNamespace(toolpath=SimpleNamespace(feed=feed, by_joints=np.zeros(13, bool), cutters=(),
                                                             source="part.mod"), air=air, source=None)
     found = table_coefficients(cell, program).coefficients
     mean, covariance = coefficients_of("aluminium", 1e-4)

@@ -48,7 +48,9 @@ def test_the_payload_s_moment_is_gone_from_the_cut(tmp_path: Path, home: tuple[s
     (tmp_path / "cell.yaml").write_text(kit.cell_text(
         base=kit.IDENTITY, extra=f"force_log: {{frame: {frame}, sign: on_tool{stands}}}\n"))
     cell = compstiff.read_cell(tmp_path / "cell.yaml")
-    settings = compstiff.Settings.of(tare=tuple((k + len(home), k + len(home)) for k in range(len(AIR))))
+    stretches = [(k + len(home), k + len(home)) for k in range(len(AIR))]
+    stretches[0] = (0, len(home))           # from the move home on, at which the log was not yet running
+    settings = compstiff.Settings.of(tare=tuple(stretches))
     found = compstiff.predict(cell, compstiff.read_toolpath(tmp_path / "part.mod", cell),
                               compstiff.read_stiffness(tmp_path / "stiffness.json", cell), tmp_path / "forces.csv", settings)
     wrench = found.forces.wrench[-len(CUT):]

@@ -121,6 +121,22 @@ def test_what_the_cell_refuses_is_said_with_its_reason(refusal: int, result: int
     assert (exit_code, found, said in message) == (3 if code == "CS5011" else 4, code, True), message
 
 
+@pytest.mark.parametrize(("refusal", "patience_s", "most"), [(Refusal.VALUE, 60.0, 1), (Refusal.BUSY, 0.0, 2)])
+def test_a_refused_write_is_not_sent_again_and_a_busy_cell_is_asked_no_longer_than_patience_says(
+        refusal: int, patience_s: float, most: int) -> None:
+    asked: list[int] = []
+
+    def write(address: int, values: list[int]) -> Exception | None:
+        if address != at.PAGE:
+            return None
+        asked.append(address)
+        assert len(asked) <= most, "asked again"
+        return ExceptionReply(refusal)
+
+    with pytest.raises(CompstiffError):
+        push_table(Scripted(OLDER.header, write), OURS, patience_s, lambda page, pages: None)      # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(("changed", "said"), [
     ({}, ""), ({0: 1}, "registers 0 and 1 are 1 and"), ({2: at.MAP_VERSION + 1}, f"version {at.MAP_VERSION + 1}"),
     ({3: PAGE_ROWS - 1}, f"pages of {PAGE_ROWS - 1} and windows of 500 rows"), ({4: 0}, f"{PAGE_ROWS} and windows of 0"),

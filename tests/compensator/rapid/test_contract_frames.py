@@ -137,15 +137,16 @@ def test_a_slightly_unnormalised_frame_is_normalised():
 
 
 FLAGS = ("CONST bool bYes:=TRUE; CONST bool bNo:=FALSE; CONST bool bAlso:=bYes; CONST bool bMany{2}:=[FALSE,TRUE];\n"
-         "VAR bool bLater;\n")
+         "VAR bool bLater; VAR bool bVar:=TRUE; PERS bool bPers:=FALSE;\n")
 NOWHERE, LOAD = "[[0,0,0],[1,0,0,0]]", "[5,[0,0,90],[1,0,0,0],0,0,0]"
 
 
 @pytest.mark.parametrize(("flag", "held"), [
     ("TRUE", True), ("bYes", True), ("bAlso", True), ("bMany{2}", True), ("FALSE", False), ("bNo", False), ("bMany{1}", False),
-    ("bLater", None), ("bElsewhere", None)])
+    ("bLater", None), ("bElsewhere", None), ("bVar", None), ("bPers", None)])
 def test_constants_stand_for_true_and_false_in_a_frame(flag, held):
-    """As numbers' constants do: a tool that is held, a work object that is not, one whose user frame a unit moves."""
+    """As numbers' constants do, and nothing that may have changed meanwhile: a tool that is held,
+    a work object that is not, one whose user frame a unit moves."""
     def said(what, code, data):
         move = f"MoveL {target(1)},v100,fine,{'tX;' if what == 'tool' else 'tool0' + chr(92) + 'WObj:=wX;'}"
         toolpath = path(move, FLAGS + data)

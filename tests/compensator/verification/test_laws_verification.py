@@ -502,6 +502,8 @@ def test_readings_of_one_target_along_other_normals_are_not_one(tmp_path: Path, 
     np.testing.assert_allclose(read_readings(file, cell).deviation[0, 0], 0, atol=1e-12)
     file.write_text(f"path_mm,dn_um,nx,ny,nz\n7,40,1,0,0\n7,-40,{along}\n")
     assert len(read_readings(file, cell)) == 2
+    file.write_text(f"target,dn_um,nx,ny,nz\n7,40,1,0,0\n9,10,0,0,1\n7,,{along}\n")      # one that was not measured
+    np.testing.assert_allclose(1e6 * read_readings(file, cell).deviation, [[40], [10]], atol=1e-9)
     file.write_text(f"target,dn_um,nx,ny,nz\n7,40,1,0,0\n9,10,0,0,1\n7,-40,{along}\n")
     if degrees < 30:
         np.testing.assert_allclose(1e6 * read_readings(file, cell).deviation, [[0], [10]], atol=1e-9)

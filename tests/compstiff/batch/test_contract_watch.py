@@ -167,7 +167,8 @@ def test_a_half_written_file_is_never_taken(place: Shop) -> None:
 
 
 @pytest.mark.parametrize(("end", "waits"), [
-    ("ENDMODULE", False), ("ENDPROC endmodule ! the end", False), ("", True), ("ENDMODULES", True), ("! ENDMODULE", True)])
+    ("ENDMODULE", False), ("ENDPROC endmodule ! the end", False), ("", True), ("ENDMODULES", True), ("! ENDMODULE", True),
+    ('TPWrite "Done!"; ENDPROC ENDMODULE', False)])
 def test_a_module_without_its_end_waits_and_is_told(place: Shop, end: str, waits: bool) -> None:
     (program,) = place.put("a")
     body, _, _ = program.read_text().rpartition("ENDMODULE")

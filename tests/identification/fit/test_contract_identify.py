@@ -1,6 +1,7 @@
 """What `identify` says beyond the estimate: variance components, gross errors, conflicts, profiles, the paper's prior."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -140,6 +141,22 @@ def test_profiles_say_what_the_data_say_whatever_the_prior_holds(tmp_path, facto
         assert profile.drop.min() == pytest.approx(0, abs=0.05)
         assert profile.stiffness[0] < low < high < profile.stiffness[-1]
         assert not low < factor * truth < high
+
+
+@pytest.mark.parametrize(("wanted", "std"), [(0.02, 0.1), (0.0, 0.1), (-0.3, 0.2), (-5.0, 1.0)])
+def test_data_that_want_no_compliance_say_how_stiff_a_joint_is_at_least(wanted, std) -> None:
+    """One joint of its own, whose compliance by the data is wanted +- std of that which the prior holds: where a Gaussian that
+    is cut off at zero has fallen by half the 95 % quantile of chi-square, in closed form. It was told to be flat."""
+    information = np.diag(np.array([std, *[0.1] * 5]) ** -2)
+    pull = information @ np.array([wanted - 1, *[0.0] * 5])
+    held = SimpleNamespace(
+        at_map=SimpleNamespace(design=None, residual=np.zeros((1, 1))), compliance=np.ones(6), information=information,
+        weights=SimpleNamespace(inner=lambda design, residual: pull[:, None]), laplace=0.05**2 * np.eye(6))
+    profile = profiles(held)[0]
+    low, high = profile.interval
+    most = wanted + std * np.sqrt((max(wanted, 0.0) - wanted) ** 2 / std**2 + chi2.ppf(0.95, 1))
+    assert (profile.kind, high) == ("one-sided", None)
+    assert low == pytest.approx(1 / most, rel=0.01)
 
 
 @pytest.mark.parametrize("width", [
