@@ -197,8 +197,8 @@ def test_a_mark_that_never_changes_is_said_to_be_one(tmp_path: Path) -> None:
     result = Job(tmp_path, program=marked, forces=same).correct("--json")
     assert result.code == 1, result
     [said] = [finding for finding in result.json["findings"] if finding["code"] == "CS3088"]
-    assert said["message"] == (f"the column mark has one value from its first row to its last, the program switches its output at "
-                               f"{marked.count('doMark')} targets")
+    assert said["message"] == ("the column mark has one value from its first row to its last, the program switches its output "
+                               f"at {marked.count('doMark')} targets")
     assert "wired" in said["hint"]
 
 
