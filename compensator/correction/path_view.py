@@ -164,14 +164,15 @@ def path_view(
     kept = kept_targets(where, quantities, [place for place, _, _ in places])
     drawn = [replace(quantity, values=quantity.values[kept]) for quantity in quantities]
     length = np.nan_to_num(1e3 * path.length)
+    marked = [int(np.searchsorted(kept, place)) for place, _, _ in places]
     data: dict[str, Any] = {
         "step_mm": STEP_MM, "start": drawn[0].largest or 0,
         "position": packed(where[kept], STEP_MM), "length": packed(np.maximum.accumulate(length)[kept], STEP_MM),
         "line": packed(toolpath.line[kept].astype(float)), "target": packed(toolpath.number[kept].astype(float)),
-        "texts": packed_words(_texts(text, toolpath.line[kept], drawn)),
+        "texts": packed_words(_texts(text, toolpath.line[kept], drawn, marked)),
         "quantities": [_quantity(quantity) for quantity in drawn],
-        "marks": [{"index": int(np.searchsorted(kept, place)), "line": finding.line, "level": finding.level, "finding": at}
-                  for place, at, finding in places]}
+        "marks": [{"index": index, "line": finding.line, "level": finding.level, "finding": at}
+                  for index, (_, at, finding) in zip(marked, places, strict=True)]}
     if len(kept) < len(where):
         caption += (f" {len(kept)} of {len(where)} targets are drawn: of each stretch of the program the first, the corner and "
                     "the largest values; the largest of all is always among them.")
@@ -205,13 +206,14 @@ def _places(findings: Sequence[Finding], source: str, line: Indices) -> list[tup
     return placed
 
 
-def _texts(program: RapidProgram, lines: Indices, drawn: Sequence[Quantity]) -> list[str]:
-    """The lines of the program at the places (k,) that are drawn; "" for some of very many."""
+def _texts(program: RapidProgram, lines: Indices, drawn: Sequence[Quantity], marked: list[int]) -> list[str]:
+    """The lines of the program at the places (k,) that are drawn; "" for some of very many, never for those `marked`."""
     shown = np.ones(len(lines), dtype=bool)
     if len(lines) > MOST_TEXTS:
         shown[:] = False
         shown[::-(-len(lines) // (MOST_TEXTS - 1000))] = True
         shown[np.unique(np.concatenate([_largest(quantity.values, 100) for quantity in drawn]))] = True
+        shown[marked] = True
     text = program.source
     starts = np.concatenate([[text.start], text.ends, [len(text.data)]])
     words = []

@@ -52,7 +52,7 @@ def placed_by_marks(
     if len(fits) > 1:
         log = replace(log, findings=(*log.findings, Finding(
             "CS3123", "warning", "neither the text nor the marks say which branches were driven, between two marks: the log is "
-            "placed as if the first way was", file=log.source, hint=HINT)))
+            "placed as if the first of these ways was driven", file=log.source, hint=HINT)))
     if order is None:
         return _at_marks(log, path, edges, at, at)
     driven = driven_path(path, order)
@@ -70,6 +70,10 @@ def _ways(
     fits = [(order, at) for order, at in ways if len(at) == edges]
     if not fits:
         counts = " or ".join(str(count) for count in sorted({len(at) for _, at in ways}))
+        if not changes:
+            raise error("CS3088", f"the column {MARK} has one value from its first row to its last, the program switches its "
+                        f"output at {counts} targets", file=log.source,
+                        hint="is the output wired to the input that is logged, and is this the log of the marked program?")
         low = changes > edges and any(len(at) == changes for _, at in ways)
         turned = ("; it begins high, and counted from its first fall it has as many: is the wire active low, high while the "
                   "output is off?" if low else "")

@@ -133,11 +133,14 @@ def program_time(path: RobotPath) -> ProgramTime:
     unknown = np.flatnonzero(np.isnan(robot_time.duration) | (legs.linear & np.isnan(robot_time.programmed)))
     if len(unknown):
         first = int(unknown[0])
-        why = "its feed is not known" if legs.linear[first] else "the robot's way to it is not known"
+        feeds = legs.linear & np.isnan(robot_time.programmed)
+        why, mend = ("its feed is not known", "declare the speed in this file") if feeds[first] else (
+            "the robot's way to it is not known: its place, or that of the target before it, is said nowhere or out of reach",
+            "declare the target in this file")
+        alike = int((feeds[unknown] == feeds[first]).sum())
         raise error("CS3060", f"a log with time alone needs the time of every move: target {first}: {why} "
-                    f"({counted(len(unknown), 'such target')})", file=toolpath.source, line=int(toolpath.line[first]),
-                    target=first,
-                    hint=f"declare the speed in this file, or {HINT}")
+                    f"({counted(alike, 'such target')})", file=toolpath.source, line=int(toolpath.line[first]),
+                    target=first, hint=f"{mend}, or {HINT}")
     length = path.length
     air = moves_in_air(toolpath)
     at_feed = np.where(legs.linear, np.fmin(robot_time.programmed, robot_time.duration), robot_time.duration)

@@ -220,8 +220,8 @@ def _cuts(check: FeedCheck, code: str, level: Level) -> list[Finding]:
             f"{_percent(driven.ratio[target])}, {reason}; {driven.seconds_lost(run):.2f} s lost{before}", helps))
     if len(runs) > MOST_TOLD:
         rest = worst[order[MOST_TOLD:]]
-        findings.append(driven.path.finding(int(rest[0]), code, level, f"{len(rest)} further cuts cannot hold their feed; the "
-                                            f"lowest {_percent(driven.ratio[rest].min())}"))
+        findings.append(driven.path.finding(int(rest[0]), code, level, f"{counted(len(rest), 'further cut')} cannot hold "
+                                            f"the feed; the lowest {_percent(driven.ratio[rest].min())}"))
     return findings
 
 

@@ -224,9 +224,11 @@ class _Run:
         name = ""
         if loop.head.kind == "for":
             name, values, stated = self.variables.turns(loop.head, scope)
+            sure = values is not None and not stated
             turns = 2 if values is None or stated else len(values)
         else:
             known = self._truth(loop.head, scope)
+            sure = known == Known(True)
             turns = 0 if known == Known(False) else 1 + self.variables.changes(loop.body, loop.head)
         begin = len(self.driven)
         before, self.in_branches = self.in_branches, set()
@@ -239,7 +241,7 @@ class _Run:
         if len(turn) > LONGEST_TURN:
             turn = list(dict.fromkeys(turn))
         self.driven[begin:] = 2 * turn if turns > 1 else turn
-        return ended
+        return ended if sure else ""        # a loop of no turn goes on behind it
 
     def _not_all(self, loop: Loop) -> bool:
         """Whether there are moves beside those of a loop: else it is the cell that waits for the next part."""
@@ -302,11 +304,13 @@ class _Run:
 
     def _while(self, loop: Loop, scope: Scope, branch: bool, choices: Choices) -> str:
         counts = self.variables.changes(loop.body, loop.head)
+        before: list[Known] = []
         for turn in range(MOST_TURNS):
-            known = self._truth(loop.head, scope)
+            known, asked = self._truth(loop.head, scope), self.variables.asked(loop.head, scope)
             sure = known.value is not None and not known.stated
-            if (sure and not known.value) or (turn and not counts):
+            if (sure and not known.value) or (turn and not counts and (not sure or asked == before)):
                 return ""
+            before = asked
             if not sure and (counts or self._not_all(loop)):
                 return self._openly(loop, scope, branch, choices, assumed=None if counts else 1)
             ended = self._block(loop.body, scope, branch)

@@ -22,6 +22,10 @@ _BY_NAME = ("setdataval", "setalldataval")
 MOST_TURNS = 20_000
 
 
+def _by_name(step: Step) -> bool:
+    return step.kind == "call" and step.name in _BY_NAME
+
+
 class Known(NamedTuple):
     """A value; stated: it is the one in the file, which somebody may have changed before the run."""
 
@@ -67,6 +71,11 @@ class Variables:
             for number, step in enumerate(routine.steps):
                 wild = routine.kind != "proc" or number > routine.handler
                 (self._wild if wild else self._own).update(self._find(name, routine.scope) for name in self._changed(step))
+                if _by_name(step):
+                    (self._wild if wild else self._own).update(
+                        k for k, declared in enumerate(self.values.names.declarations) if declared.storage in ("var", "pers"))
+        self._own.discard(-1)       # names that this file does not declare
+        self._wild.discard(-1)
 
     def begin(self) -> None:
         """The state before a run."""
@@ -177,22 +186,19 @@ class Variables:
         elif step.name in (*COUNTS, "clear") and step.kind == "call":
             self._count(step, scope)
         elif step.kind == "call":
-            if step.name in _BY_NAME:
+            if _by_name(step):
                 self._forget()
             for name in self._changed(step):
                 self._assign(name, scope, UNKNOWN)
-            if step.name not in self.parameters:        # of another file, which may know the data of this one
-                declarations = self.values.names.declarations
-                self._elsewhere.clear()
-                self._now.update({number: Known(known.value, True) for number, known in self._now.items()
-                                  if declarations[number].scope.routine < 0 and declarations[number].reach != "local"})
+            self._elsewhere_called(step)
 
     def skip(self, block: Block, scope: Scope) -> None:
         """What a block assigns that may have been done or not."""
         steps = list(block.steps())
-        if any(step.kind == "call" and step.name in self.parameters for step in steps):
+        if any(_by_name(step) or (step.kind == "call" and step.name in self.parameters) for step in steps):
             self._forget()
         for step in steps:
+            self._elsewhere_called(step)
             for name in self._changed(step):
                 self._assign(name, scope, UNKNOWN)
 
@@ -206,6 +212,18 @@ class Variables:
             if step.kind == "call" and step.name in COUNTS and len(words) > 1 and words[1].word in asked:
                 return True
         return False
+
+    def asked(self, head: Step, scope: Scope) -> list[Known]:
+        """The values of the names in the condition of a WHILE."""
+        return [self._named(word.word, scope) for word in words_of(self.values.source, head)[1:] if word.kind == "name"]
+
+    def _elsewhere_called(self, step: Step) -> None:
+        """A routine of another file may know the data of this one."""
+        if step.kind == "call" and step.name not in self.parameters and step.name not in (*COUNTS, "clear"):
+            declarations = self.values.names.declarations
+            self._elsewhere.clear()
+            self._now.update({number: Known(known.value, True) for number, known in self._now.items()
+                              if declarations[number].scope.routine < 0 and declarations[number].reach != "local"})
 
     def _forget(self) -> None:
         self._now.update(dict.fromkeys(self._own, UNKNOWN))

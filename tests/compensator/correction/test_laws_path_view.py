@@ -10,6 +10,7 @@ import zlib
 import numpy as np
 import pytest
 
+from compensator.correction import path_view as drawing
 from compensator.correction.correct import Corrected
 from compensator.correction.path_view import Quantity, components, kept_targets, path_view
 from identification.common.findings import Finding
@@ -106,6 +107,25 @@ def test_lines_and_findings_are_those_of_the_program(sample: Corrected) -> None:
     assert [(mark["index"], mark["finding"]) for mark in view.data["marks"]] == [(700, 1)]
     assert view.marks == {1}
     assert view.data["quantities"][0]["largest"] == {"index": len(values) - 1, "value": values[-1]}
+
+
+def test_of_very_many_places_those_that_matter_keep_their_line_of_the_program(
+    sample: Corrected, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Some are left out, so that the report stays small: not the largest, nor one that a finding names."""
+    monkeypatch.setattr(drawing, "MOST_TEXTS", 1500)
+    planned = sample.planned
+    toolpath, source = planned.path.toolpath, planned.program.text.source
+    values = np.cos(np.arange(len(toolpath)) * 0.9 / len(toolpath))
+    values[1733] = 5.0
+    finding = Finding("CS0002", "warning", "here", file=source.name, line=int(toolpath.line[701]))
+    view = path_view("t", "c", planned.path, [quantity(values)], planned.program.text, [finding])
+    texts = json.loads(zlib.decompress(base64.b64decode(view.data["texts"])))
+    lines = source.data.decode(source.encoding).splitlines()
+    assert len(texts) == len(toolpath) > 1500
+    for place in (0, 701, 1733):
+        assert texts[place] == lines[toolpath.line[place] - 1].strip()[:160] != ""
+    assert 300 < sum(bool(text) for text in texts) < 1500
 
 
 def test_names_of_places_beside_each_other_do_not_cover_each_other(sample: Corrected) -> None:

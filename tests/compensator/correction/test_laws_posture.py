@@ -48,6 +48,16 @@ def test_what_a_turn_gains_is_a_share_of_what_is_planned() -> None:
     assert (told["rms_um"], told["largest_um"]) == ([100.0, 75.0], [300.0, 100.0])
 
 
+def test_where_no_turn_gains_that_is_said() -> None:
+    turns, worse = np.radians([-10, 0, 5]), np.array([110e-6, 100e-6, 120e-6])
+    why = ("limit of joint 6", "out of reach")
+    [said] = Advice(turns, worse, 2 * worse, why, 8).lines()
+    assert said == ("Posture: no turn about the tool's axis lowers the deviation; turns from -10 deg (limit of joint 6) to "
+                    "5 deg (out of reach) can be driven; 8 targets looked at")
+    [other] = Advice(turns, worse[::-1] * [1, 1, 0.5], 2 * worse, why, 8).lines()
+    assert "turned by 5 deg about the tool's axis the deviation would be 55.0 in place of 100.0 um RMS (45 % less)" in other
+
+
 def test_the_gain_is_what_the_turned_tool_gets(tmp_path: Path) -> None:
     path = line(8, 10)
     forces = "target,fx_n,fy_n,fz_n\n" + "".join(f"{i},{FORCE[0]},{FORCE[1]},{FORCE[2]}\n" for i in range(8))

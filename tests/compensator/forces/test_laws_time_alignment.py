@@ -28,6 +28,10 @@ from compensator.forces.alignment_regression import binned, plateau_share
 from compensator.forces.program_time import ProgramTime, air_moves, program_time
 from compensator.forces.time_alignment import TimeAlignment, align
 from compensator.forces.time_log import _not_believed
+from compensator.path.robot_path import robot_path
+from compensator.rapid import read_rapid
+from identification.common.findings import CompstiffError
+from identification.model.cell import read_cell
 from tests.support import compstiff
 
 sample_log, program_time = cache(sample_once), cache(program_time)
@@ -253,6 +257,31 @@ def test_a_feed_that_nobody_knows_is_refused_on_the_command_line(sample_inputs: 
     assert finding["code"] == "CS3060"
     assert "its feed is not known" in finding["message"]
     assert not (tmp_path / "out.mod").exists()
+
+
+@pytest.mark.parametrize(("place", "old", "new", "target", "words", "hint"), [
+    (2, "v20", "vGone", 2, r"its feed is not known \(1 such target\)", "declare the speed"),
+    (2, "L pOn", "L pGone", 2, r"the robot's way to it is not known: .* \(2 such targets\)", "declare the target"),
+    (2, "L pOn", "J pGone", 2, r"the robot's way to it is not known: .* \(2 such targets\)", "declare the target"),
+    (0, "L pOn", "J pGone", 1, r"the robot's way to it is not known: .* \(1 such target\)", "declare the target"),
+])
+def test_a_move_of_unknown_time_is_named_with_what_is_missing(
+    tmp_path: Path, place: int, old: str, new: str, target: int, words: str, hint: str
+) -> None:
+    """A target of unknown place leaves the way from it open, too; the speed of the first move counts for nothing."""
+    moves = ["MoveL pOn,v20,z0,tSpindle;"] * 5
+    moves[place] = moves[place].replace(old, new)
+    if place:
+        moves[0] = moves[0].replace("v20", "vGone")
+    rest = ",700],[0.02522428,-0.00054983,-0.99944426,0.02178562],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+    text = "\n".join(move.replace("pOn", f"[[{1000 + 4 * k},0{rest}") for k, move in enumerate(moves))
+    (tmp_path / "cell.yaml").write_text("robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\n")
+    program = f"MODULE M\nPROC main()\n{text}\nENDPROC\nENDMODULE\n"
+    with pytest.raises(CompstiffError, match=words) as stopped:
+        program_time(robot_path(read_rapid(program.encode(), "m.mod").toolpath, read_cell(tmp_path / "cell.yaml")))
+    [said] = stopped.value.findings
+    assert (said.code, said.file, said.target, said.line) == ("CS3060", "m.mod", target, 3 + target)
+    assert said.hint.startswith(hint)
 
 
 def test_a_pass_over_air_is_named_and_left_out(sample_inputs: Inputs, tmp_path: Path) -> None:

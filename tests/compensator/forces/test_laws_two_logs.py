@@ -148,6 +148,20 @@ def test_moments_hide_no_force_that_differs(path: RobotPath, tmp_path: Path) -> 
     assert "CS3116" in said
 
 
+@pytest.mark.parametrize("common", [5, 6])
+def test_logs_with_hardly_a_target_in_common_are_not_compared(path: RobotPath, tmp_path: Path, common: int) -> None:
+    first, second = two(path, tmp_path, 1)
+    samples = np.where((np.arange(COUNT) >= 10) & (np.arange(COUNT) < 10 + common), second.samples, 0)
+    if common == 6:
+        assert compared(first, replace(second, samples=samples), path)[0].code == "CS3115"
+        return
+    with pytest.raises(Refused) as refused:
+        compared(first, replace(second, samples=samples), path)
+    [said] = refused.value.findings
+    assert (said.code, said.file) == ("CS3114", str(tmp_path / "two.csv"))
+    assert "have 5 targets with force in common, too few to compare" in said.message
+
+
 def test_one_log_twice_is_an_error(path: RobotPath, tmp_path: Path) -> None:
     first, _ = two(path, tmp_path, 1)
     with pytest.raises(CompstiffError, match="CS3118"):

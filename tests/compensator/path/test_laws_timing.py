@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -137,6 +138,38 @@ def test_windows_and_left_out_stretches_change_nothing(sample: Corrected, monkey
     assert_allclose(drive(plan, window=400).speed, whole.speed, atol=1e-9)
     monkeypatch.setattr(timing, "_unsettled", lambda route, *_: np.ones(len(route.s), dtype=bool))
     assert_allclose(drive(plan).speed, whole.speed, atol=1e-9)
+
+
+@pytest.mark.parametrize("zone", ["fine", "z5"])
+def test_windows_end_at_stops_or_behind_the_way_to_brake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, zone: str) -> None:
+    """However short, the speeds are those of the program taken as a whole."""
+    monkeypatch.setattr(timing, "_unsettled", lambda route, *_: np.ones(len(route.s), dtype=bool))
+    zigzag = [[1100 + 60 * (k % 2), 30 * k, 700] for k in range(8)]
+    plan = program(tmp_path, lines(zigzag, "v400", zone))
+    whole = drive(plan)
+    assert len(whole.speed) > 60
+    for window in (12, 31):
+        assert_allclose(drive(plan, window=window).speed, whole.speed, atol=1e-6)
+
+
+@pytest.mark.parametrize(("corners", "words"), [(5, ""), (6, "1 further cut cannot"), (8, "3 further cuts cannot")])
+def test_of_many_cuts_that_cannot_hold_their_feed_the_worst_are_told(tmp_path: Path, corners: int, words: str) -> None:
+    """A stair towards the robot, whose corners are the worse the nearer: the last are told first, each on its line, of the
+    others how many, at one of them."""
+    points = [np.array([1000.0, 0, 700])]
+    for k in range(3 * corners + 3):
+        points.append(points[-1] + [[20, 0, 0], [0, 20, 0]][k // 3 % 2])
+    stair = [point.tolist() for point in points[::-1]]
+    plan = program(tmp_path, lines(stair, "v200", "z1"))
+    check = check_feed(judge(plan, forced(len(stair), list(range(len(stair))))), strict=False)
+    told = [finding for finding in check.findings if finding.code == "CS4401"]
+    at = [int(re.findall(r"in the corner of 90 deg at target (\d+)", finding.message)[0]) for finding in told[:5]]
+    assert at == [3 * (corners - k) for k in range(5)]
+    assert len(told) == 5 + bool(words)
+    if words:
+        assert words in told[-1].message
+        assert told[-1].target is not None
+        assert told[-1].target <= 3 * (corners - 5) + 1
 
 
 def test_the_robot_is_looked_at_every_centimetre(tmp_path: Path) -> None:

@@ -67,7 +67,8 @@ def test_each_turn_has_its_targets(body: str, driven: list[int]) -> None:
     loop("i FROM 1 TO nTurns", "aP{i}"), loop("i FROM 1 TO 4", "aP{j}"),
     loop("i FROM 1 TO 4", "aP{i}", target(3)), f"FOR i FROM 1 TO 4 DO\n{move('aP{i}')}\nn:=n+1;\nENDFOR",
     f"FOR i FROM 1 TO 4 DO\nIF i<3 {move('aP{i}')}\nENDFOR", loop("i FROM 1 TO 4 STEP -1", "aP{i}"),
-    loop("i FROM 1 TO 2.5 STEP 0.5", "aP{i}"), f"WHILE i<4 DO\n{move('aP{i}')}\ni:=i+1;\nENDWHILE",
+    loop("i FROM 1 TO 2.5 STEP 0.5", "aP{i}"), loop("i FROM 1 TO 4 STEP 0", "aP{i}"), loop("i FROM 1 TO Dim(aP,2)", "aP{i}"),
+    loop("i FROM 1 TO Dim(nLast,1)", "aP{i}"), f"WHILE i<4 DO\n{move('aP{i}')}\ni:=i+1;\nENDWHILE",
 ])
 def test_other_loops_stay_as_they_are(body: str) -> None:
     read = program(body)
@@ -140,6 +141,17 @@ def test_an_array_grows_with_what_is_added_to_its_loop(head: str, after: str) ->
     assert f"\n{after}\n! aP goes on\n" in text
     assert f"CONST robtarget aP{{{9 if whole else 8}}}:=[[" in text
     assert text.count("\n  [[") == 3 + (3 if whole else 4)          # one a line, as that before which they stand
+
+
+def test_an_array_whose_loop_gains_nothing_stays_to_the_byte() -> None:
+    """Its size as it is written, beside one that grows."""
+    data = ARRAY.replace("aP{4}", "aP{04}") + ARRAY.replace("aP", "aQ")
+    body = f"{loop('i FROM 1 TO 04', 'aP{i}')}\n{loop('i FROM 1 TO 4', 'aQ{i}')}"
+    text = further(program(body, data), {5: 2}).source.data.decode()
+    assert ARRAY.replace("aP{4}", "aP{04}") in text
+    assert "FOR i FROM 1 TO 04 DO" in text
+    assert "aQ{6}:=" in text
+    assert "FOR i FROM 1 TO 6 DO" in text
 
 
 def test_loops_over_parts_of_an_array_are_counted_on() -> None:

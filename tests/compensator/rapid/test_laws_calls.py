@@ -12,15 +12,15 @@ from compensator.rapid.runs import Runs
 from tests.compensator.rapid.small_programs import target
 
 
-def runs(**routines: str) -> Runs:
-    """A module of these routines in this order; m moves once, and counts by its place in the text."""
+def runs(data: str = "", **routines: str) -> Runs:
+    """A module of these routines in this order; m moves once, and counts by its place in the text. data: what it declares."""
     number, text = 0, []
     for name, body in routines.items():
         while "m;" in body:
             body = body.replace("m;", f"MoveL {target(number)},v100,z1,tool0;\n", 1)
             number += 1
         text.append(f"PROC {name}()\n{body}\nENDPROC\n")
-    return read_rapid(f"MODULE M\n{''.join(text)}ENDMODULE\n".encode()).runs
+    return read_rapid(f"MODULE M\n{data}\n{''.join(text)}ENDMODULE\n".encode()).runs
 
 
 def unrolled(run: Runs) -> list[int]:
@@ -48,6 +48,8 @@ def unrolled(run: Runs) -> list[int]:
     ({"main": "WHILE i<9 DO m; i:=i+1; ENDWHILE m;"}, [0, 0, 1]),
     ({"main": "WHILE i<9 DO WHILE wait DO m; ENDWHILE Incr i; ENDWHILE"}, [0, 0]),
     ({"main": "WHILE i<9 DO m; i:=GInput(giPart); n:=n+1; ENDWHILE"}, [0]),
+    ({"main": "WHILE DInput(di)=1 DO m; RETURN; ENDWHILE m;"}, [0, 1]),
+    ({"main": "WHILE TRUE DO m; RETURN; ENDWHILE m;"}, [0]),
 ])
 def test_the_moves_as_they_are_driven(routines: dict[str, str], driven: list[int]) -> None:
     run = runs(**routines)
@@ -101,6 +103,63 @@ def test_a_routine_may_be_called_as_a_word_of_the_language_is_not() -> None:
 def test_branches_that_ask_for_the_same_go_together() -> None:
     ways = runs(main="IF bRough m; IF NOT bRough m; IF bRough m;").ways
     assert {tuple(way.order.tolist()) for way in ways} == {(0, 2), (1,)}
+
+
+SKIPPED, BOTH, ALL = {(0, 2)}, {(0, 1, 2), (0, 2)}, {(0, 1, 2)}
+
+
+@pytest.mark.parametrize(("data", "main", "ways"), [
+    # What changes data by its name in a string may change any.
+    ("LOCAL VAR bool bTry;", "m; IF bTry m; m;", SKIPPED),
+    ("LOCAL VAR bool bTry;", 'm; SetDataVal "bTry",bSet; IF bTry m; m;', BOTH),
+    ("LOCAL VAR bool bTry;", 'm; IF DInput(di)=1 SetDataVal "bTry",bSet; IF bTry m; m;', BOTH),
+    ("LOCAL VAR num n;", 'm; n:=1; SetAllDataVal "num",nSet; IF n=2 m; m;', BOTH),
+    ("CONST bool bTry:=FALSE;", 'm; SetDataVal "bTry",bSet; IF bTry m; m;', SKIPPED),
+    # A routine of another file may know what is not local, where it is called at all.
+    ("VAR num n;", "m; n:=1; rOther; IF n=2 m; m;", BOTH),
+    ("VAR num n;", "m; n:=1; IF DInput(di)=1 rOther; IF n=2 m; m;", BOTH),
+    ("LOCAL VAR num n;", "m; n:=1; IF DInput(di)=1 rOther; IF n=2 m; m;", SKIPPED),
+    ("", 'm; n:=1; SetDataVal "n",nSet; rOther; IF n=2 m; m;', BOTH),           # a file that declares nothing
+    # What the last run has left is not known, nor data that no controller would load.
+    ("PERS num n:=5;", "m; IF n=5 m; n:=1; m;", BOTH),
+    ("CONST num n:=[1];", "m; IF n=1 m; m;", BOTH),
+    ("LOCAL VAR num n:=5;", "m; Clear n; IF n=0 m; m;", ALL),
+    ("LOCAL VAR num n:=5;", "m; FOR n FROM 1 TO 1 DO n:=2; IF n=2 m; ENDFOR IF n=5 m;", ALL),
+])
+def test_data_are_known_as_far_as_nothing_else_can_have_changed_them(data: str, main: str, ways: set[tuple[int, ...]]) -> None:
+    assert {tuple(way.order.tolist()) for way in runs(data, main=main).ways} == ways
+
+
+def test_what_a_trap_assigns_is_not_known() -> None:
+    text = f"MODULE M\nLOCAL VAR num n;\nPROC main()\nIF n=0 MoveL {target(0)},v100,z1,tool0;\n" \
+           f"MoveL {target(1)},v100,z1,tool0;\nENDPROC\nTRAP tStop\nn:=1;\nENDTRAP\nENDMODULE\n"
+    for program, ways in ((text, {(0, 1), (1,)}), (text.replace("n:=1", "k:=1"), {(0, 1)})):
+        assert {tuple(way.order.tolist()) for way in read_rapid(program.encode()).runs.ways} == ways
+
+
+@pytest.mark.parametrize(("main", "ways"), [
+    ("WHILE n<2 DO m; k:=n+1; n:=k; ENDWHILE m;", {(0, 0, 1)}),                 # what it asks for changes by a detour
+    ("WHILE n<9 DO m; Incr n; IF n=2 RETURN; ENDWHILE m;", {(0, 0)}),
+    ("WHILE n<9 DO m; n:=n+1; IF n=3 EXIT; ENDWHILE m;", {(0, 0, 0)}),
+    ("FOR i FROM 1 TO 5 DO m; IF i=2 RETURN; ENDFOR m;", {(0, 0)}),
+    ("WHILE DInput(di)=1 DO m; RETURN; ENDWHILE m;", {(0,), (1,)}),             # before its first turn, or in it
+    ("m; WHILE DInput(di)=1 DO Incr n; ENDWHILE IF n=0 m;", {(0, 1), (0,)}),    # it moves nothing, and counts
+    ("WHILE n>=0 DO m; n:=n+1; ENDWHILE m;", set()),                            # without an end
+])
+def test_loops_are_driven_until_they_end(main: str, ways: set[tuple[int, ...]]) -> None:
+    run = runs("LOCAL VAR num n; LOCAL VAR num k;", main=main)
+    assert {tuple(way.order.tolist()) for way in run.ways} == ways
+
+
+def test_a_variable_of_a_routine_begins_anew_with_each_call() -> None:
+    run = runs(main="rA; rA;", rA="VAR num n:=1; m; n:=n+1; IF n=3 m;")
+    assert {tuple(way.order.tolist()) for way in run.ways} == {(0, 0)}
+
+
+@pytest.mark.parametrize("bounds", ["1 TO 5 STEP 0", "TRUE TO 5", "1 TO 40000"])
+def test_a_loop_whose_turns_cannot_be_counted_may_have_any_number(bounds: str) -> None:
+    run = runs(main=f"m; FOR i FROM {bounds} DO m; ENDFOR m;")
+    assert {(0, 2), (0, 1, 2), (0, 1, 1, 2), (0, 1, 1, 1, 2)} <= {tuple(way.order.tolist()) for way in run.ways}
 
 
 def test_too_many_branches_are_no_ways() -> None:

@@ -6,9 +6,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 import pytest
+from pyarrow import csv
 
+from compensator.forces.marks import has_marks, placed_by_marks
+from compensator.forces.placement import read_force_log
+from compensator.path.robot_path import robot_path
 from compensator.rapid import marks_of, read_rapid, with_marks
+from identification.model.cell import read_cell
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import F0, Path3
 from tests.runs.command_line.user_files import IRB6660, TOOL, Job, K
@@ -179,6 +187,59 @@ def test_marks_alternate_as_they_are_driven() -> None:
     """No mark is lost where one routine ends with the level with which the next one begins."""
     marked = with_marks(read_rapid(reordered().encode(), "part.mod"), "doMark")[0].decode()
     assert len(switched(marked)) == marked.count("doMark")
+
+
+def test_a_mark_that_never_changes_is_said_to_be_one(tmp_path: Path) -> None:
+    """Not a log of another program: the wire."""
+    marked = with_marks(read_rapid(PATH.program().encode(), "part.mod"), "doMark")[0].decode()
+    head, *rows = log(np.arange(0, 61, 5)).splitlines()
+    same = "\n".join([head, *(row.rsplit(",", 1)[0] + ",24.0" for row in rows)]) + "\n"
+    result = Job(tmp_path, program=marked, forces=same).correct("--json")
+    assert result.code == 1, result
+    [said] = [finding for finding in result.json["findings"] if finding["code"] == "CS3088"]
+    assert said["message"] == ("the column mark has one value from its first row to its last, the program switches its output "
+                               f"at {marked.count('doMark')} targets")
+    assert "wired" in said["hint"]
+
+
+def test_a_branch_between_two_marks_is_told_not_to_be_known(tmp_path: Path) -> None:
+    """The marks are the same with and without it; a branch that the text settles is none."""
+    marked = with_marks(read_rapid(PATH.program().encode(), "part.mod"), "doMark")[0].decode()
+    row = [row for row in marked.splitlines() if row.strip().startswith("MoveL")][12]
+    assert ",doMark," not in row
+    edges = np.arange(0, 61, 5)
+    for condition, levels in (("DInput(diSide)=1", ["warning"]), ("TRUE", [])):
+        text = marked.replace(row, f"IF {condition} THEN\n{row}\nENDIF")
+        folder = tmp_path / condition[:4]
+        folder.mkdir()
+        result = Job(folder, program=text, forces=log(edges)).correct("--json", "--keep-targets")
+        assert result.code == 0, result
+        said = [finding for finding in result.json["findings"] if finding["code"] == "CS3123"]
+        assert [finding["level"] for finding in said] == levels
+        assert all(finding["message"].endswith("as if the first of these ways was driven") for finding in said)
+
+
+@pytest.mark.parametrize("clock", ["time_ms", "rate"])
+def test_marks_of_a_parquet_log_are_those_of_the_text(tmp_path: Path, clock: str) -> None:
+    """In milliseconds, or with the rate alone, in two batches of rows."""
+    marked = with_marks(read_rapid(PATH.program().encode(), "part.mod"), "doMark")[0].decode()
+    (tmp_path / "cell.yaml").write_text(
+        "robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\nforce_log: {rate_hz: 500}\n")
+    cell = read_cell(tmp_path / "cell.yaml")
+    path = robot_path(read_rapid(marked.encode(), "part.mod").toolpath, cell)
+    (tmp_path / "log.csv").write_text(log(np.arange(0, 61, 5)))
+    table = csv.read_csv(tmp_path / "log.csv")
+    time = {"time_ms": pc.multiply(table["time_s"], 1000.0)} if clock == "time_ms" else {}
+    other = pa.table(time | {name: table[name].cast(pa.float64()) for name in table.column_names if name != "time_s"})
+    pq.write_table(other, tmp_path / "log.parquet", row_group_size=700)
+    form, at = cell.force_log.form, np.arange(0, 61, 5)
+    places = []
+    for file in (tmp_path / "log.csv", tmp_path / "log.parquet"):
+        read = read_force_log(file, form)
+        assert has_marks(read, form)
+        places.append(placed_by_marks(read, form, path, [(None, at)]).place)
+    assert np.isfinite(places[0]).sum() > 1000
+    np.testing.assert_allclose(places[1], places[0], atol=1e-6)
 
 
 def test_edges_that_fit_several_ways_are_refused(tmp_path: Path) -> None:
