@@ -98,10 +98,12 @@ def test_what_is_no_trouble_of_the_folder_ends_the_watch(place: Shop, monkeypatc
         raise OSError(errno.ENOSPC, "no space left")
 
     shared = Shared(place.cell, place.stiffness, Settings(), Session("watch", jobs=True))
-    watch = watch_folder(place.source, Folders(place.folder / "out"), shared, Rhythm(settle=0.0, interval=0.0))
+    asked = iter(range(100))
+    watch = watch_folder(place.source, Folders(place.folder / "out"), shared, Rhythm(settle=0.0, interval=0.0),
+                         stopped=lambda: next(asked) > 20)
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(CompstiffError, match="CS0004"):
-        next(watch)
+        list(watch)
 
 
 def test_a_watch_that_is_stopped_after_a_program_takes_no_other(place: Shop) -> None:
