@@ -14,13 +14,14 @@ from compensator.modbus.offset_file import Offsets, check_offsets, tables_of
 from compensator.modbus.receiver import Receiver
 from compensator.modbus.registers import WINDOW_ROWS
 from compensator.modbus.transfer import (
-    OLD,
     PATIENCE_S,
     UNKNOWN,
     Identity,
     Progress,
     identify,
+    in_place,
     read_table,
+    unchanged,
     unreachable,
     withdraw,
 )
@@ -229,9 +230,10 @@ def _after_interrupt(planned: PushResult) -> Finding:
                 active = withdraw(link, table)
     except (LinkLost, ExceptionReply):
         return Finding("CS5018", "error", f"interrupted; {UNKNOWN}", hint="push again to settle it")
-    ours = next((table.header for table in planned.tables if table.header == active), None)
-    if ours and ours != before:
-        state = f"window {ours.window} of {ours.windows} of the new table is active (read back)"
+    if any(table.header == active for table in planned.tables):
+        state = in_place(active) if active.windows > 1 else "new table active (read back)"
+    elif active == before:
+        state = unchanged(active)
     else:
-        state = OLD if active == before else f"table {active.name} is active (read back)"
+        state = f"table {active.name} is active (read back)" if active else "no table is active (read back)"
     return Finding("CS5018", "error", f"interrupted; {state}")

@@ -78,8 +78,11 @@ def read_table(link: Link) -> OffsetTable:
     return OffsetTable(EMPTY, np.empty((0, 3), np.uint16))
 
 
-def push_table(link: Link, table: OffsetTable, patience_s: float, progress: Progress) -> str:
-    """Makes the table the active one and reads it back; returns how it went, for the log.
+def push_table(
+    link: Link, table: OffsetTable, patience_s: float, progress: Progress, previous: Header | None = None
+) -> str:
+    """Makes the table the active one and reads it back; returns how it went, for the log. previous: the window of this program
+    before it, where this call knows that one active.
 
     Raises Unconfirmed: CS5012 the device is lost or does not confirm, CS5013 busy. Refused: CS5011 it refuses the content,
     CS5014 another table is active after the commit.
@@ -102,11 +105,11 @@ def push_table(link: Link, table: OffsetTable, patience_s: float, progress: Prog
                     break
         active = read_active(link)
     except (LinkLost, ExceptionReply) as reason:
-        return _settle(link, table, before, reason, sent_commit)
+        return _settle(link, table, before, previous, reason, sent_commit)
     if active == table.header:
         return "committed"
     if active == before:
-        return _settle(link, table, before, LinkLost(f"the transfer lost its place {ROUNDS} times"), sent_commit)
+        return _settle(link, table, before, previous, LinkLost(f"the transfer lost its place {ROUNDS} times"), sent_commit)
     raise Refused(another(active))
 
 
@@ -138,7 +141,9 @@ def _write(link: Link, address: int, values: list[int], patience_s: float) -> No
         time.sleep(POLL_S)
 
 
-def _settle(link: Link, table: OffsetTable, before: Header | None, reason: Exception, sent_commit: bool) -> str:
+def _settle(
+    link: Link, table: OffsetTable, before: Header | None, previous: Header | None, reason: Exception, sent_commit: bool
+) -> str:
     """After a failure: what is active? Returns where it is this table after all, else raises."""
     why = ""
     try:
@@ -155,7 +160,7 @@ def _settle(link: Link, table: OffsetTable, before: Header | None, reason: Excep
         return "committed, the reply was lost"
     if before is not None and active != before:
         raise Refused(another(active)) from reason
-    state = OLD if active else f"{OLD}: none"
+    state = in_place(active) if active == previous else unchanged(active)
     code = reason.code if isinstance(reason, ExceptionReply) else 0
     if code == Refusal.VALUE:
         raise Refused(Finding("CS5011", "error", f"the cell refused the table{why}; {state}",
@@ -172,6 +177,16 @@ def _explained(result: int) -> str:
              Result.ROBOT_RUNNING: "the robot is running with the active table", Result.PAGE_LENGTH: "the length of a page"}
     known = {int(key): text for key, text in texts.items()}
     return f": {known[result]}" if result in known else ""
+
+
+def unchanged(active: Header) -> str:
+    """That the table from before this call is active, in words."""
+    return OLD if active else f"{OLD}: none"
+
+
+def in_place(active: Header) -> str:
+    """That this window of the program is active, in words."""
+    return f"window {active.window} of {active.windows} is active (read back)"
 
 
 def another(active: Header) -> Finding:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from compensator.modbus import registers as at
 from compensator.modbus.link import ExceptionReply, Link, LinkLost
-from compensator.modbus.transfer import AGAIN, OLD, UNKNOWN, Progress, another, push_table, read_active
+from compensator.modbus.transfer import AGAIN, UNKNOWN, Progress, another, in_place, push_table, read_active
 from compensator.modbus.wire import OffsetTable
 from identification.common.findings import Finding, Refused, Unconfirmed
 
@@ -29,7 +29,8 @@ def push_windows(
     for number, table in enumerate(tables[start:], start):
         if number > start:
             _wait_for_robot(link, tables[number - 1], robot_s)
-        endings.append(push_table(link, table, patience_s, progress))
+        previous = tables[number - 1].header if number > start else None
+        endings.append(push_table(link, table, patience_s, progress, previous))
         if len(tables) > 1:
             say(f"window {number + 1} of {len(tables)}: targets {table.header.first} to "
                 f"{table.header.first + table.header.rows - 1}, {endings[-1]}")
@@ -61,7 +62,7 @@ def _wait_for_robot(link: Link, table: OffsetTable, robot_s: float) -> None:
             heartbeat, seen = beat, time.monotonic()
         if time.monotonic() - seen > robot_s:
             raise Unconfirmed(Finding(
-                "CS5016", "error", f"no sign of the robot for {robot_s:g} s; window {header.window} of {header.windows} is "
-                f"active, the next was not sent: {OLD}",
+                "CS5016", "error", f"no sign of the robot for {robot_s:g} s; {in_place(header)}, "
+                "the next was not sent",
                 hint="push again: it goes on from this window, --restart begins with the first"))
         time.sleep(POLL_S)

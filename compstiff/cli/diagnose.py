@@ -84,8 +84,8 @@ def diagnose(
     content = diagnosis.as_dict()
     files = {output: json_bytes(content)}
     refused = []
+    mended = diagnosis.mended() if mend else None
     if mend:
-        mended = diagnosis.mended()
         if mended is None:
             refused.append(Finding(
                 "CS1703", "warning", "no mistake is named, so that there is nothing to mend: "
@@ -94,9 +94,11 @@ def diagnose(
             files[mended.beside(mend)] = mended.content
             session.say(f"{mended.said(mend)}: {diagnosis.judgement.mistakes[0].sentence}")
     if extended and diagnosis.verdict == "mistake":
+        way = (f"diagnose again with {mended.beside(mend)}, which is without it" if mended and mend
+               else "--mend writes the file without the mistake")
         refused.append(Finding(
             "CS1704", "warning", f"a model of rows with a mistake is none: {extended} was not written{_earlier([extended])}",
-            file=str(measurements_file), hint="--mend writes the file without the mistake"))
+            file=str(measurements_file), hint=way))
     elif extended:
         model = diagnosis.extended()
         files[extended] = json_bytes(model.as_dict())

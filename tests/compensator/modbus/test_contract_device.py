@@ -207,3 +207,26 @@ def test_zero_offsets_are_a_table_too():
     device = offset_device()
     load(device, table)
     assert device.read(at.TABLE, 123) == [32768] * 123
+
+
+def test_a_page_that_comes_again_with_other_rows_ends_the_transfer():
+    """Two writers with one header would mix their rows; the first must begin anew."""
+    device, table, other = offset_device(), random_table(1), random_table(2)
+    begin(device, table)
+    page(device, table, 0)
+    changed = [*table.page(0)[:3], *other.page(0)[3:]]
+    refused(Refusal.SEQUENCE, Result.PAGE_CHANGED, device, lambda one: one.write(at.PAGE, changed))
+    refused(Refusal.SEQUENCE, Result.SEQUENCE, device, page, table, 1)
+    load(device, table)
+    assert device.read(at.TABLE, 270) == table.registers.ravel().tolist()
+
+
+def test_a_commit_that_was_done_already_leaves_the_cell_free_for_another_writer():
+    """The active table begun and committed once more: nothing is under way then, whatever the lease."""
+    device, table, other = offset_device(lease_s=60.0), random_table(1), random_table(2)
+    load(device, table)
+    begin(device, table)
+    refused(Refusal.BUSY, Result.OTHER_WRITER, device, begin, other)
+    commit(device, table)
+    begin(device, other)
+    assert (device.commits, device.read(at.ACTIVE, HEADER_REGISTERS)) == (1, table.header.registers())

@@ -1,6 +1,7 @@
 """The state directory: whatever instant the power goes at, a restart finds the old table or the new one, whole."""
 
 import errno
+import json
 import os
 import subprocess
 import sys
@@ -140,3 +141,29 @@ def test_two_cells_do_not_share_a_state_directory(tmp_path):
         pass
     with locked(folder):
         pass
+
+
+@pytest.mark.parametrize("key", ["rows", "crc"])
+def test_a_header_that_is_of_other_rows_is_not_taken(tmp_path, key):
+    """The rows as they were written, beside a header that counts or sums them otherwise."""
+    load(offset_device(tmp_path), random_table(1))
+    record = json.loads((tmp_path / "active.json").read_text())
+    (header,) = record["tables"].values()
+    header[key] += 1
+    (tmp_path / "active.json").write_text(json.dumps(record))
+    with pytest.raises(CompstiffError) as raised:
+        offset_device(tmp_path)
+    (finding,) = raised.value.findings
+    assert (finding.code, finding.file) == ("CS5102", str(tmp_path / "active.csv"))
+    assert finding.message == "is not as the cell wrote it (count or CRC differ)"
+
+
+def test_a_state_directory_that_cannot_be_one_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(CompstiffError) as raised, locked(folder):
+            pass
+        (finding,) = raised.value.findings
+        assert (finding.code, finding.file) == ("CS0004", str(folder))
+        assert finding.message.startswith("cannot be used as a state directory: ")
+        assert not finding.message.endswith("None")

@@ -130,3 +130,4 @@ def test_a_zero_that_moved_and_a_log_given_twice(tmp_path: Path, cell: Path) -> 
 def test_also_is_for_logs(tmp_path: Path, cell: Path) -> None:
     (tmp_path / "m.csv").write_text("q1_deg\n1\n")
     assert run("diagnose", cell, tmp_path / "m.csv", "--also", tmp_path / "m.csv", "-o", tmp_path / "d.json")[0] == 2
+    assert run("diagnose", cell, tmp_path / "m.csv", "--validate", tmp_path / "m.csv", "-o", tmp_path / "d.json")[0] == 2
