@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import csv
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,12 +15,15 @@ import numpy as np
 from compensator.modbus import link as linking
 from compensator.modbus import registers as at
 from compensator.modbus.device import OffsetDevice
+from compensator.modbus.embedded import Served, serve_cell
 from compensator.modbus.link import Address, ExceptionReply, Link, LinkLost
 from compensator.modbus.registers import Command
+from compensator.modbus.server import Endpoint
 from compensator.modbus.state import TableFiles, TableStore
 from compensator.modbus.transfer import OLD, UNKNOWN, identify, push_table
 from compensator.modbus.wire import OffsetTable, to_registers
 from identification.common.findings import Finding, Refused, Unconfirmed
+from identification.model.cell import Cell
 
 ROBOT = "irb6660-205-1.90"
 LIMIT_UM = 2000
@@ -40,6 +45,17 @@ def random_table(
 
 def offset_device(folder: Path | None = None, **options) -> OffsetDevice:
     return OffsetDevice(TableFiles(folder) if folder else TableStore(), LIMIT_UM, ROBOT, **{"lease_s": LEASE_S, **options})
+
+
+def served_and_stopped(cell: Cell, endpoint: Endpoint) -> Served:
+    """The cell, served and stopped at once. In a thread of its own: the browser of other tests keeps a loop in this one."""
+    async def listen() -> Served:
+        stop = asyncio.Event()
+        stop.set()
+        return await serve_cell(cell, endpoint, None, stop)
+
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(lambda: asyncio.run(listen())).result()
 
 
 def load(device: OffsetDevice, table: OffsetTable) -> None:

@@ -1,6 +1,5 @@
 """`push` and `cell` as a user calls them: what they print, write and answer, exit code by exit code."""
 
-import asyncio
 import hashlib
 import json
 import socket
@@ -13,7 +12,6 @@ from click.testing import CliRunner
 
 import compstiff as compstiff_api
 from compensator.modbus import registers as at
-from compensator.modbus.embedded import Served, serve_cell
 from compensator.modbus.server import Endpoint, Loopback
 from compstiff.cli.push import push
 from tests.compensator.modbus import tables_and_devices as kit
@@ -42,13 +40,6 @@ def call(*arguments: object) -> tuple[int, dict]:
     seen = ["--any-program"] if "--apply" in arguments and "--program" not in arguments else []
     done = CliRunner().invoke(push, [*map(str, arguments), *seen, "--json"])
     return done.exit_code, json.loads(done.stdout)
-
-
-async def listen(cell, endpoint: Endpoint) -> Served:
-    """Serves the cell, and stops at once."""
-    stop = asyncio.Event()
-    stop.set()
-    return await serve_cell(cell, endpoint, None, stop)
 
 
 @pytest.fixture
@@ -307,7 +298,7 @@ def test_the_cell_stops_on_signals_and_warns_where_it_is_open(tmp_path):
 @pytest.mark.parametrize(("host", "told"), [
     ("127.0.0.1", False), ("127.0.0.2", False), ("localhost", False), ("0.0.0.0", True)])
 def test_a_cell_that_the_network_reaches_is_told(tmp_path, host, told):
-    served = asyncio.run(listen(compstiff_api.read_cell(cell_yaml(tmp_path, 1)), Endpoint(host, 0)))
+    served = kit.served_and_stopped(compstiff_api.read_cell(cell_yaml(tmp_path, 1)), Endpoint(host, 0))
     said = {finding.code: finding for finding in served.findings}
     assert ("CS5104" in said, "CS5106" in said) == (told, True)
     assert not told or (said["CS5104"].level, said["CS5104"].message) == (

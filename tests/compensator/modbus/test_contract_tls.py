@@ -1,13 +1,11 @@
 """Modbus/TCP Security: certificates on both sides, and nobody else."""
 
-import asyncio
 import ssl
 import time
 
 import pytest
 import trustme
 
-from compensator.modbus.embedded import serve_cell
 from compensator.modbus.server import Endpoint, Loopback
 from compensator.modbus.tls import TlsFiles
 from identification.common.findings import CompstiffError
@@ -50,14 +48,8 @@ def test_a_push_over_tls(tmp_path, certificates):
 def test_a_cell_that_knows_its_clients_may_be_open_to_the_network(tmp_path, certificates):
     """Without TLS the same host is warned of (test_contract_command.py)."""
     (tmp_path / "cell.yaml").write_text(f"robot: {kit.ROBOT}\ntool: {{position_mm: [120, 0, 250]}}\n")
-
-    async def listen():
-        stop = asyncio.Event()
-        stop.set()
-        return await serve_cell(read_cell(tmp_path / "cell.yaml"), Endpoint("0.0.0.0", 0, 1, certificates["127.0.0.1"]), None,
-                                stop)
-
-    assert [finding.code for finding in asyncio.run(listen()).findings] == ["CS5106"]
+    served = kit.served_and_stopped(read_cell(tmp_path / "cell.yaml"), Endpoint("0.0.0.0", 0, 1, certificates["127.0.0.1"]))
+    assert [finding.code for finding in served.findings] == ["CS5106"]
 
 
 def test_a_client_refuses_a_cell_it_cannot_trust(certificates):
