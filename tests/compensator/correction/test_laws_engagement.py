@@ -410,6 +410,14 @@ def set_up(sample_inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> t
     return tracks, folder / "learned.json"
 
 
+def across_the_feed(planned: Predicted) -> np.ndarray:
+    """The part (n, 3) [N] of the forces on the targets that stands across the feed."""
+    feed = np.gradient(planned.path.base_from_tcp.position, axis=0)[planned.targets]
+    feed /= np.linalg.norm(feed, axis=1)[:, None]
+    force = planned.forces.wrench[planned.targets, :3]
+    return np.asarray(force - np.einsum("ni,ni->n", force, feed)[:, None] * feed)
+
+
 @pytest.mark.parametrize(("limited", "level"), [(0, ""), (1, "note"), (4, "note"), (9, "warning")])
 def test_a_set_up_that_is_off_by_more_than_the_cut_is_told(set_up: tuple[TwoTracks, Path], limited: int, level: str) -> None:
     """A cutting stiffness by which so many targets would meet a force that is off by more than 95 % of the logged: by
@@ -424,10 +432,7 @@ def test_a_set_up_that_is_off_by_more_than_the_cut_is_told(set_up: tuple[TwoTrac
 
     planned = predicted(1.0)
     targets = planned.targets
-    feed = np.gradient(planned.path.base_from_tcp.position, axis=0)[targets]
-    feed /= np.linalg.norm(feed, axis=1)[:, None]
-    force = planned.forces.wrench[targets, :3]
-    across = force - np.einsum("ni,ni->n", force, feed)[:, None] * feed
+    across = across_the_feed(planned)
     push = np.linalg.norm(across, axis=1)
     share = np.abs(np.einsum("ni,ni->n", planned.prediction.position, across)) / push**2
     order = np.argsort(-share)
@@ -460,10 +465,7 @@ def test_with_a_part_learned_a_cutting_stiffness_fits_what_the_tool_yields(
 
     planned = predicted(1.0)
     targets = planned.targets
-    feed = np.gradient(planned.path.base_from_tcp.position, axis=0)[targets]
-    feed /= np.linalg.norm(feed, axis=1)[:, None]
-    force = planned.forces.wrench[targets, :3]
-    across = force - np.einsum("ni,ni->n", force, feed)[:, None] * feed
+    across = across_the_feed(planned)
     push = np.linalg.norm(across, axis=1)
     turn = planned.path.base_from_object.rotation[targets]
     yielded = 1e-6 * np.einsum("nij,nj->ni", turn, tracks.off)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -91,16 +92,16 @@ def of_code(findings: tuple[Finding, ...], code: str) -> list[Finding]:
     return [finding for finding in findings if finding.code == code]
 
 
-def stopped_by(call: object, *arguments: object, **named: object) -> Finding:
+def stopped_by(call: Callable[..., object], *arguments: object, **named: object) -> Finding:
     with pytest.raises(CompstiffError) as stopped:
-        call(*arguments, **named)  # type: ignore[operator]
+        call(*arguments, **named)
     (found,) = stopped.value.findings
     return found
 
 
-def stopped_by_all(call: object, *arguments: object) -> tuple[Finding, ...]:
+def stopped_by_all(call: Callable[..., object], *arguments: object) -> tuple[Finding, ...]:
     with pytest.raises(CompstiffError) as stopped:
-        call(*arguments)  # type: ignore[operator]
+        call(*arguments)
     return stopped.value.findings
 
 

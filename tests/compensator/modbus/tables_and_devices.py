@@ -47,6 +47,11 @@ def offset_device(folder: Path | None = None, **options) -> OffsetDevice:
     return OffsetDevice(TableFiles(folder) if folder else TableStore(), LIMIT_UM, ROBOT, **{"lease_s": LEASE_S, **options})
 
 
+def restart(device: OffsetDevice, store: TableStore) -> None:
+    """The device as it is when it has started anew with what the store keeps; who holds it holds that one."""
+    vars(device).update(vars(OffsetDevice(store, LIMIT_UM, ROBOT)))
+
+
 def served_and_stopped(cell: Cell, endpoint: Endpoint) -> Served:
     """The cell, served and stopped at once. In a thread of its own: the browser of other tests keeps a loop in this one."""
     async def listen() -> Served:

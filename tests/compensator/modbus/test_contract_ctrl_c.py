@@ -71,7 +71,7 @@ def test_ctrl_c_beside_a_cell_that_restarted_without_its_table_says_that_none_is
     kit.load(device, OLDER)
 
     def progress(page: int, pages: int) -> None:
-        device.__init__(device.store, kit.LIMIT_UM, kit.ROBOT)      # type: ignore[misc]
+        kit.restart(device, device.store)
         raise KeyboardInterrupt
 
     with Loopback(device) as server:

@@ -160,7 +160,7 @@ def test_a_cell_that_lost_its_table_is_told_from_another_writer(tmp_path, kept, 
     kit.load(device, old)
 
     def restart() -> None:
-        device.__init__(device.store if kept else TableStore(), kit.LIMIT_UM, kit.ROBOT)  # type: ignore[misc]
+        kit.restart(device, device.store if kept else TableStore())
 
     with Loopback(device) as server, Proxy(server.port, 0) as proxy:
         proxy.arm(Fault("before request", kit.READ_BACK), restart)

@@ -133,8 +133,9 @@ def test_a_refused_write_is_not_sent_again_and_a_busy_cell_is_asked_no_longer_th
         assert len(asked) <= most, "asked again"
         return ExceptionReply(refusal)
 
+    link: Any = Scripted(OLDER.header, write)
     with pytest.raises(CompstiffError):
-        push_table(Scripted(OLDER.header, write), OURS, patience_s, lambda page, pages: None)      # type: ignore[arg-type]
+        push_table(link, OURS, patience_s, lambda page, pages: None)
 
 
 @pytest.mark.parametrize(("changed", "said"), [

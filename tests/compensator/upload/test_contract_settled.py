@@ -18,7 +18,7 @@ from compensator.upload.remote import TaskNow
 from compensator.upload.transfer import place
 from identification.common.findings import CompstiffError, Unconfirmed
 
-CONTENT, PART, FINAL = b"MODULE part\nENDMODULE\n", "/home/part.mod.part", "/home/part.mod"
+CONTENT, PART, FINAL = b"MODULE part\nENDMODULE\n", "$HOME/part.mod.part", "$HOME/part.mod"
 LOST, REFUSED, BETWEEN = Lost("no answer"), Answered(403, -1073445859, "not allowed"), Answered(403)
 
 
@@ -104,17 +104,17 @@ UNSURE = "state unknown: the new file is there whole, or not"
     (Scripted(gone="rename"), "CS6109", UNSURE, [PART])])
 def test_a_file_that_was_not_placed_is_said_with_what_is_there(remote: Any, code: str, said: str, left: list[str]) -> None:
     """What stood there is as it was; half a file is taken away, or named where that was not possible."""
-    remote.files["/home/other.mod"] = b"other"
-    found, exit_code, message = stopped(lambda: place(remote, "/home", "part.mod", CONTENT))
+    remote.files["$HOME/other.mod"] = b"other"
+    found, exit_code, message = stopped(lambda: place(remote, "$HOME", "part.mod", CONTENT))
     assert (found, exit_code, said in message) == (code, 3 if code in ("CS6106", "CS6113") else 4, True), message
-    assert remote.files == {"/home/other.mod": b"other", **dict.fromkeys(left, CONTENT)}
+    assert remote.files == {"$HOME/other.mod": b"other", **dict.fromkeys(left, CONTENT)}
 
 
 def test_a_file_is_placed_though_the_answer_was_lost_and_not_twice() -> None:
     remote: Any = Scripted(fails={"rename": LOST}, does=True)
-    assert place(remote, "/home", "part.mod", CONTENT) == "uploaded"
+    assert place(remote, "$HOME", "part.mod", CONTENT) == "uploaded"
     assert remote.files == {FINAL: CONTENT}
-    assert place(remote, "/home", "part.mod", CONTENT) == "already there"
+    assert place(remote, "$HOME", "part.mod", CONTENT) == "already there"
 
 
 @pytest.mark.parametrize(("spoilt", "placed"), [((2,), True), ((3,), True), ((2, 3), False)])
@@ -131,10 +131,10 @@ def test_a_spoilt_answer_is_looked_at_once_more(spoilt: tuple[int, ...], placed:
 
     remote.read = once_spoilt
     if placed:
-        assert place(remote, "/home", "part.mod", CONTENT) == "uploaded"
+        assert place(remote, "$HOME", "part.mod", CONTENT) == "uploaded"
         assert remote.files == {FINAL: CONTENT}
         return
-    assert stopped(lambda: place(remote, "/home", "part.mod", CONTENT))[0] == "CS6112"
+    assert stopped(lambda: place(remote, "$HOME", "part.mod", CONTENT))[0] == "CS6112"
     assert remote.files == {}
 
 
@@ -147,7 +147,7 @@ def test_a_name_with_other_content_than_sent_is_not_to_be_loaded(kept: bytes | N
         remote.files = {} if kept is None else {FINAL: kept}
 
     remote.rename = rename
-    code, exit_code, message = stopped(lambda: place(remote, "/home", "part.mod", CONTENT))
+    code, exit_code, message = stopped(lambda: place(remote, "$HOME", "part.mod", CONTENT))
     assert (code, exit_code) == ("CS6109" if kept is None else "CS6112", 4)
     assert ("does not have its new name" in message, UNSURE in message) == (kept is None, kept is None)
     assert kept is None or f"what is read back of {FINAL} is not what was sent" in message
@@ -191,7 +191,7 @@ def test_a_busy_controller_is_asked_again_later() -> None:
     """503 is no refusal."""
     remote: Any = Scripted(fails={"write": Answered(503)})
     with pytest.raises(Unconfirmed):
-        place(remote, "/home", "part.mod", CONTENT)
+        place(remote, "$HOME", "part.mod", CONTENT)
 
 
 @pytest.mark.parametrize("beyond", [0, 1])
