@@ -120,8 +120,9 @@ def read_readings(file: Path, cell: Cell) -> Readings:
     else:
         stated = cell.noise.deflection
         sigma = np.tile(np.sqrt(np.mean(stated**2)) if along_normal else stated, (len(table), 1))
+        shown = sigma[0] if len(set(sigma[0])) > 1 else sigma[0, :1]
         findings.append(Finding("CS6025", "note", f"no column {' '.join(sigmas)}: 1 sigma of a reading taken from the cell's "
-                                f"measurement.deflection_std_um, {', '.join(f'{1e6 * x:g}' for x in np.unique(sigma))} um",
+                                f"measurement.deflection_std_um, {', '.join(f'{1e6 * x:.3g}' for x in shown)} um",
                                 file=table.source, hint="state what your probe does"))
     if not (sigma > 0).all():
         row = int(np.flatnonzero(~(sigma > 0).all(axis=1))[0])
