@@ -16,7 +16,8 @@ from identification.common.made_from import RECORD, said_of_changes, said_of_lat
 SUFFIXES = (".mod", ".modx", ".sys", ".sysx")
 _MODULE = re.compile(rb"^[ \t]*MODULE[ \t]+([A-Za-z][A-Za-z0-9_]*)", re.MULTILINE | re.IGNORECASE)
 _END = re.compile(rb"^[ \t]*ENDMODULE\b", re.MULTILINE | re.IGNORECASE)
-_LOAD = re.compile(rb'^[ \t]*(?:Start)?Load[ \t]*(?:\\Dynamic[ \t]*)?,?[ \t]*"([^"\r\n]+)"', re.MULTILINE | re.IGNORECASE)
+_LOAD = re.compile(rb'^[ \t]*(?:Start)?Load[ \t]*(?:\\Dynamic[ \t]*)?,?[ \t]*"([^"\r\n]+)"'
+                   rb'(?:[ \t]*\\File[ \t]*:=[ \t]*"([^"\r\n]+)")?', re.MULTILINE | re.IGNORECASE)
 _PART = re.compile(r"_[0-9]{3,}$")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*\.(mod|modx|sys|sysx)", re.IGNORECASE)
 
@@ -86,7 +87,8 @@ class LocalModule:
 
 def _loaded(content: bytes) -> list[str]:
     """What a module loads at run time, `HOME/part.mod`, as a controller's folders are written here."""
-    return [place.decode("latin-1").replace(":/", "/").replace(":", "/") for place in _LOAD.findall(content)]
+    return [b"/".join(place.replace(b":", b"/").strip(b"/").replace(b"//", b"/") for place in parts if place).decode("latin-1")
+            for parts in _LOAD.findall(content)]
 
 
 def read_module(file: Path, robot: str, *, changed: bool = False) -> LocalModule:
