@@ -604,6 +604,23 @@ def test_readings_along_other_axes_are_told_and_no_scale_is_advised(
         assert document["result"]["predicted"]["advised_scale"] is None
 
 
+@pytest.mark.parametrize(("count", "said"), [(11, False), (12, True)])
+def test_other_axes_are_told_from_twelve_places_on_with_what_they_would_leave(
+    passes: dict[str, Path], tmp_path: Path, count: int, said: bool
+) -> None:
+    """Both by the best multiple, beside a constant."""
+    rows, told = (np.loadtxt(passes[name], delimiter=",", skiprows=1)[20:20 + count] for name in ("before", "predicted"))
+    mirrored = csv(tmp_path, "m.csv", "target,dx_um,dy_um,dz_um", rows * [1, 1, -1, 1])
+    result = verify(passes["cell"], mirrored, mirrored, "--predicted", passes["predicted"], "--json")
+    found = [one["message"] for one in json.loads(result.stdout)["findings"] if one["code"] == "CS6050"]
+    left = []
+    for turned in (1, -1):
+        off, p = ((part - part.mean(axis=0)).ravel() for part in (rows[:, 1:] * [1, -1, 1], told[:, 4:] * [1, turned, 1]))
+        left.append(np.sqrt(np.mean((off - (off @ p) / (p @ p) * p) ** 2)))
+    assert found == [f"the readings are off as is predicted, but along other axes: y with the other sign, which would leave "
+                     f"{left[1]:.1f} um in place of {left[0]:.1f}"] * said
+
+
 @pytest.mark.parametrize(("factor", "said"), [(1.08, False), (1.25, True)])
 def test_axes_that_differ_by_a_few_per_cent_need_no_word(
     passes: dict[str, Path], tmp_path: Path, factor: float, said: bool
