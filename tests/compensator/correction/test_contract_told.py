@@ -181,6 +181,45 @@ def test_how_the_force_in_a_slot_grows_with_its_depth_is_said(
         ("note", str(tmp_path / "part.mod"), words[said])] if said else not of_code(run, "CS3243")
 
 
+@pytest.mark.parametrize(("count", "by"), [(46, "passes"), (45, "none")])
+def test_two_passes_tell_how_the_force_in_a_slot_grows(tmp_path: Path, count: int, by: str) -> None:
+    """200 N/mm of depth: by the steps along the tool's axis of forty targets in full slots at least, with the sensor's zero
+    (2 N) against what is known of any slot: K = F_n / 2 mm to 0.8 of its logarithm."""
+    path = line(count, 4)
+    feed, left, up = sideways(path)
+    force = 120 * (np.cos(np.radians(115)) * feed + np.sin(np.radians(115)) * left)
+
+    def text(times: np.ndarray) -> str:
+        return HEAD + "".join(f"{k},{','.join(f'{x:.9f}' for x in one * force)}\n" for k, one in enumerate(times))
+
+    def rise(times: np.ndarray) -> np.ndarray:
+        wrench = np.pad(times[:, None] * force, ((0, 0), (0, 3)))
+        return np.asarray(kit.deviation(IRB6660, np.array(path.q), TOOL.p, wrench, K) @ up)
+
+    job = Job(tmp_path, program=path.program(), forces=text(np.ones(count)))
+    assert job.correct("--keep-targets").code == 0
+    sent = np.array([kit.work_object().r.apply(b.p - a.p) for a, b in zip(
+        kit.targets_of(str(job.program)), kit.targets_of(job.out.read_text()), strict=True)]) @ up
+    push, times = 120 * np.sin(np.radians(115)), np.ones(count)
+    for _ in range(20):
+        deeper = 1e3 * (rise(np.ones(count)) - rise(times) - sent)
+        times = 1 + 200 * deeper / push
+    (tmp_path / "first.csv").write_text(job.forces)
+    (tmp_path / "applied.csv").write_bytes(job.offsets_file.read_bytes())
+    job.forces = text(times)
+    run = job.correct("--json", "--force", "--keep-targets", "--logged-with", tmp_path / "applied.csv", "--first-forces",
+                      tmp_path / "first.csv")
+    assert run.code == 0, run
+    found = of_code(run, "CS3243")
+    assert [(one["level"], one["file"]) for one in found] == [("note", str(tmp_path / "part.mod"))] * (by == "passes")
+    inner = deeper[3:-3]
+    before = push / np.median(2 - 1e3 * rise(np.ones(count))[3:-3]) * np.exp(0.8**2 / 2)
+    weights = np.array([(inner @ inner / (2 * np.abs(inner).sum())) ** 2, 1 / (before**2 * np.expm1(0.8**2))])
+    value, std = weights @ [200, before] / weights.sum(), weights.sum() ** -0.5
+    assert all(one["message"] == f"in slots, from two passes: {value:.3g} +- {2 * std:.2g} N/mm (2 sigma) along the tool's axis"
+               for one in found)
+
+
 @pytest.mark.parametrize(("fit", "option", "code", "exit_code", "words"), [
     ({}, "", "", 0, ""), ({"model_check": {"rejected": False, "p_value": 1e-5, "seen": "a trend"}}, "", "", 0, ""),
     ({"model_check": {"rejected": False}}, "--accept-rejected", "", 0, ""),
