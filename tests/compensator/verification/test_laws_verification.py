@@ -671,6 +671,41 @@ def test_a_reading_of_just_the_tolerance_is_within_it(tmp_path: Path, worst: tup
         True] * over
 
 
+@pytest.mark.parametrize(("rows", "over"), [
+    ([(0, 9), (1, 9), (1, -9), (2, 9)], 0), ([(0, 9), (1, 14), (1, -14), (2, 9)], 2), ([(0, 9), (1, 14), (1, 4), (2, 9)], 1)])
+def test_no_reading_hides_behind_another_of_its_target(tmp_path: Path, rows: list[tuple[int, float]], over: int) -> None:
+    """The tolerance of 10 um is asked of each; what is compared with the pass before are the means."""
+    cell, report = write_cell(tmp_path), tmp_path / "page.html"
+    before = csv(tmp_path, "before.csv", "target,dx_um", np.array([[k, 50 + k] for k in range(3)]))
+    after = csv(tmp_path, "after.csv", "target,dx_um", np.array(rows))
+    result = verify(cell, before, after, "--tolerance-um", 10, "--report", report, "--json")
+    found = json.loads(result.stdout)["result"]
+    assert (result.exit_code, found["over_tolerance"], found["within_tolerance"]) == (3 if over else 0, over, not over)
+    means = [np.mean([off for target, off in rows if target == k]) for k in range(3)]
+    assert found["after"]["rms_um"] == pytest.approx(np.sqrt(np.mean(np.square(means))))
+    assert [one["message"] for one in of_code(result, "CS6026")] == [
+        f"{over} of 4 readings deviate by more than the tolerance of 10 um, the largest by 14.0 um"] * bool(over)
+    page = re.sub(r"<[^>]+>", "", report.read_text()).replace("\xa0", " ")
+    assert (f"{over} of 4 readings exceed the tolerance of 10 µm, the worst at target 1." if over
+            else "All 4 readings are within 10 µm.") in page
+
+
+def test_a_reading_at_a_target_that_was_added_is_held_to_the_tolerance_too(tmp_path: Path) -> None:
+    """It has no counterpart in the pass before, and is part of the part."""
+    offsets = tmp_path / "offsets.csv"
+    offsets.write_text("target,dx_um,dy_um,dz_um,added\n" + "".join(
+        f"{k},{40 + k},{k * k},3,{'0.3 0.6' if k == 2 else ''}\n" for k in range(5)))
+    before = csv(tmp_path, "before.csv", "target,dx_um", np.array([[k, 40 + k] for k in range(5)]))
+    for worst, over in ((9, 0), (14, 1)):
+        after = csv(tmp_path, "after.csv", "target,dx_um", np.array([[k, worst if k == 3 else 5] for k in range(7)]))
+        result = verify(write_cell(tmp_path), before, after, "--predicted", offsets, "--tolerance-um", 10, "--json",
+                        "--report", tmp_path / "page.html", "--force")
+        assert (result.exit_code, len(of_code(result, "CS6037"))) == (3 if over else 0, 1)
+        assert [one["message"].partition(" deviate")[0] for one in of_code(result, "CS6026")] == ["1 of 7 readings"] * over
+        assert json.loads(result.stdout)["result"]["after"]["max_um"] == pytest.approx(5)
+        assert ("the worst at target 3." in re.sub(r"<[^>]+>", "", (tmp_path / "page.html").read_text())) == bool(over)
+
+
 @pytest.mark.parametrize(("after_um", "said"), [(30.0, False), (40.5, False), (45.0, True)])
 def test_a_pass_is_worse_where_chance_does_not_make_it_so(tmp_path: Path, after_um: float, said: bool) -> None:
     """40 um before, of 120 readings whose sizes scatter by a third: 45 are worse, 40.5 may be chance. The sentence has both."""
