@@ -358,6 +358,18 @@ def test_a_table_of_a_header_alone_is_none(tmp_path, cell, above):
     assert len(read_toolpath(file, cell).toolpath) == 1
 
 
+@pytest.mark.parametrize(("name", "posted"), [("part.csv", True), ("PART.CSV", True), ("part.nc", False), ("part", False)])
+def test_what_is_posted_is_told_by_its_suffix(tmp_path, cell, name, posted):
+    """Refused by `post` and by whatever reads a toolpath."""
+    file = table(tmp_path, cell).rename(tmp_path / name)
+    told = compstiff("post", tmp_path / "cell.yaml", file, "-o", tmp_path / "out.mod")
+    assert told.returncode == (0 if posted else 1), told.stderr
+    assert (f"error CS4201: toolpath format '{file.suffix}' is not posted" in told.stderr) != posted
+    if not posted:
+        with pytest.raises(CompstiffError, match=f"CS4201: toolpath format '{file.suffix}' is not read, expected one of .mod"):
+            read_toolpath(file, cell)
+
+
 @pytest.mark.parametrize("lost", ["", ", mass_kg: 80, centre_of_mass_mm: [0, 0, 120]", ", centre_of_mass_mm: [0, 0, 120]"])
 def test_a_tool_without_load_is_said(tmp_path, lost):
     """Without its mass, or where that is."""
