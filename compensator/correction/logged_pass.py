@@ -94,9 +94,11 @@ def known_before(
                                         ("cutting.contact_mm", cutting.contact_mm), ("a programmed feed", len(feed)),
                                         ("the spindle's speed (--spindle-rpm)", rpm)) if not there]
     by_depth, findings = known_by_depth(predicted, offsets)
-    return by_depth, (Finding("CS3202", "warning", f"cutting.material {cutting.material} does not tell how stiff the cut is "
-                              f"without {' and '.join(missing)}", file=str(predicted.cell.source),
-                              hint="state it, or the depth across the feed (--depth-of-cut)"), *findings)
+    depth = predicted.settings.correction.depth_of_cut
+    return by_depth, (Finding("CS3202", "warning" if by_depth is None else "note", f"cutting.material {cutting.material} does "
+                              f"not tell how stiff the cut is without {' and '.join(missing)}", file=str(predicted.cell.source),
+                              hint="state it, or the depth across the feed (--depth-of-cut)" if depth is None else "state it"),
+                      *findings)
 
 
 def _too_soft(value: float, predicted: Predicted, source: str) -> tuple[Finding, ...]:

@@ -82,10 +82,13 @@ def test_a_stated_depth_tells_the_cutting_stiffness_where_enough_targets_climb(
     left = np.cross(axis * np.sign(axis @ flange), feed)
     left /= np.linalg.norm(left)
     forces = [60 * feed + (90 if k < climbs else -90) * left for k in range(45)]
-    job = Job(tmp_path, program=path.program(), forces=HEAD + "".join(
+    job = Job(tmp_path, kit.cell_text(extra="cutting: {material: steel}\n"), path.program(), forces=HEAD + "".join(
         f"{k},{','.join(f'{x:.6f}' for x in force)}\n" for k, force in enumerate(forces)))
     run = job.correct("--json", "--depth-of-cut", "0.5", "--keep-targets")
     assert run.code == 0, run
+    # Beside a depth that tells the cut, what the material lacks for it is no more than a note, which asks for no depth.
+    assert [(one["level"], one["hint"]) for one in of_code(run, "CS3202")] == [
+        ("note" if origin == "CS3240" else "warning", "state it")]
     found = of_code(run, origin)
     assert [(one["level"], one["file"]) for one in found] == [("note", str(tmp_path / "part.mod"))]
     assert not of_code(run, "CS3240" if origin == "CS3241" else "CS3241")

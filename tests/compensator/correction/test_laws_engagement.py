@@ -283,12 +283,13 @@ def stands(path: Path3, force: np.ndarray) -> np.ndarray:
     return kit.deviation(IRB6660, np.array(path.q), TOOL.p, np.pad(force, ((0, 0), (0, 3))), K)
 
 
-@pytest.mark.parametrize(("times", "refused"), [(0.9, False), (1.1, True)])
+@pytest.mark.parametrize(("times", "scatter", "refused"), [
+    (0.9, 0.0, False), (1.1, 0.0, True), (1.6, 0.01, False), (3.0, 0.01, True)])
 def test_a_force_falls_by_a_wrong_sign_from_a_twentieth_a_millimetre(
-    tmp_path: Path, path: Path3, uncorrected: Passes, times: float, refused: bool
+    tmp_path: Path, path: Path3, uncorrected: Passes, times: float, scatter: float, refused: bool
 ) -> None:
     """5 % of the force for each millimetre of depth: of a corrected pass whose force is less by the share x, and which
-    therefore stood (1 + x) e deeper, e where the tool stood in the first."""
+    therefore stood (1 + x) e deeper, e where the tool stood in the first. Not where the scatter makes as much of it."""
     first, _ = uncorrected
     across = push(path, first)
     size = np.linalg.norm(across, axis=1)
@@ -298,7 +299,8 @@ def test_a_force_falls_by_a_wrong_sign_from_a_twentieth_a_millimetre(
     assert job.correct().code == 0
     (tmp_path / "first.csv").write_text(text(first))
     (tmp_path / "applied.csv").write_bytes(job.offsets_file.read_bytes())
-    job.forces = text((1 - share) * first)
+    to_and_fro = scatter * np.resize([1.0, -1.0], (COUNT, 1))
+    job.forces = text((1 - share + np.random.default_rng(3117).permutation(to_and_fro)) * first)
     result = job.correct("--force", "--json", "--logged-with", tmp_path / "applied.csv", "--first-forces",
                          tmp_path / "first.csv")
     assert (result.code, "CS3117" in kit.codes(result)) == ((3, True) if refused else (0, False))
