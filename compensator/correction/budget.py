@@ -127,7 +127,7 @@ def error_budget(predicted: Predicted, tolerance: float) -> Budget:
     findings = said_of_tolerance(tolerance, predicted.path.toolpath.source)
     findings += () if not over else (Finding(
         "CS3205", "warning", f"{over} of {counted(len(budget.two_sigma), 'target')} {verb(over, 'are')} expected over the "
-        f"tolerance of {1e6 * tolerance:g} um by two sigma, the worst by {1e6 * budget.two_sigma.max():.0f} um",
+        f"tolerance of {1e6 * tolerance:g} um: two sigma are up to {1e6 * budget.two_sigma.max():.0f} um there",
         file=predicted.path.toolpath.source, line=budget.places[0].first_line,
         hint=f"{worth[0].name}: gains {1e6 * budget.gain(worth[0]):.1f} um" if worth else ""),)
     return Budget(corrected, tolerance, budget.places, tuple(worth), findings)

@@ -48,8 +48,9 @@ class _Written:
     @property
     def subject(self) -> str:
         """Who does what with it."""
-        moves = counted(len(self.targets), "move")
-        return f"{moves} with force {'hold' if self.held else 'drive'} the external axis eax_{self.letter}"
+        count = len(self.targets)
+        does = verb(count, "hold" if self.held else "drive")
+        return f"{counted(count, 'move')} with force {does} the external axis eax_{self.letter}"
 
 
 def unknown_axes(path: RobotPath, targets: Indices) -> list[Finding]:
@@ -97,14 +98,15 @@ def said_of_axes(path: RobotPath, targets: Indices) -> list[Finding]:
                                  "unit has it: the controller does not use the value", "write 9E9"))
         elif axis.unit[0].carries == "workobject":
             unit = axis.unit[0]
-            fixed = axis.targets[path.axes.carrier[axis.targets] != units.index(unit)]
-            if len(fixed) and axis.held:
-                findings.append(_all(path, fixed, "CS4503", "note", f"{axis.subject} of {unit.name} ({axis.at}), and the "
-                                     "work object is fixed (ufprog TRUE): it is corrected in that as it is declared",
+            still = path.axes.carrier[axis.targets] != units.index(unit)
+            fixed = replace(axis, targets=axis.targets[still], values=axis.values[still])
+            if still.any() and fixed.held:
+                findings.append(_all(path, fixed.targets, "CS4503", "note", f"{fixed.subject} of {unit.name} ({fixed.at}), and "
+                                     "the work object is fixed (ufprog TRUE): it is corrected in that as it is declared",
                                      "declare the work object as it lies at that value"))
-            elif len(fixed):
-                findings.append(_all(path, fixed, "CS4504", "warning", f"{axis.subject} of {unit.name} ({axis.at}), and the "
-                                     "work object is fixed (ufprog TRUE): the path over the part is not the program's",
+            elif still.any():
+                findings.append(_all(path, fixed.targets, "CS4504", "warning", f"{fixed.subject} of {unit.name} ({fixed.at}), "
+                                     "and the work object is fixed (ufprog TRUE): the path over the part is not the program's",
                                      f'a work object that goes with the unit has ufprog FALSE and ufmec "{unit.name}"'))
     external = path.toolpath.external[targets]
     return findings + [_left_there(path, targets, unit) for unit in units

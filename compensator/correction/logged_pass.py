@@ -74,10 +74,11 @@ def known_before(
     is known but the force."""
     stated, cutting = predicted.settings.correction.cutting_stiffness, predicted.cell.cutting
     if stated is not None:
-        return CuttingStiffness(stated.value, stated.std, "stated", mean_std=stated.std), _too_soft(stated.value, predicted)
+        return CuttingStiffness(stated.value, stated.std, "stated", mean_std=stated.std), _too_soft(
+            stated.value, predicted, predicted.path.toolpath.source)
     if cutting.stiffness_n_per_mm is not None:
         value, std = 1e3 * cutting.stiffness_n_per_mm, 1e3 * (cutting.std_n_per_mm or 0.0)
-        return CuttingStiffness(value, std, "cell.yaml", mean_std=std), _too_soft(value, predicted)
+        return CuttingStiffness(value, std, "cell.yaml", mean_std=std), _too_soft(value, predicted, str(predicted.cell.source))
     if cutting.material is None:
         return known_by_depth(predicted, offsets)
     feed = predicted.path.toolpath.feed[predicted.targets]
@@ -93,20 +94,22 @@ def known_before(
                                         ("cutting.contact_mm", cutting.contact_mm), ("a programmed feed", len(feed)),
                                         ("the spindle's speed (--spindle-rpm)", rpm)) if not there]
     by_depth, findings = known_by_depth(predicted, offsets)
-    return by_depth, (Finding("CS3202", "warning", f"cutting.material {cutting.material} does not tell how stiff the cut is "
-                              f"without {' and '.join(missing)}", file=str(predicted.cell.source),
-                              hint="state it, or the depth across the feed (--depth-of-cut)"), *findings)
+    depth = predicted.settings.correction.depth_of_cut
+    return by_depth, (Finding("CS3202", "warning" if by_depth is None else "note", f"cutting.material {cutting.material} does "
+                              f"not tell how stiff the cut is without {' and '.join(missing)}", file=str(predicted.cell.source),
+                              hint="state it, or the depth across the feed (--depth-of-cut)" if depth is None else "state it"),
+                      *findings)
 
 
-def _too_soft(value: float, predicted: Predicted) -> tuple[Finding, ...]:
+def _too_soft(value: float, predicted: Predicted, source: str) -> tuple[Finding, ...]:
     """A warning (CS4126) for a cutting stiffness [N/m] by which the force would be that of a depth no cutter reaches; of
-    0 the force follows no cut."""
+    0 the force follows no cut. source: what it is said of, the cell that states it or the program it is stated for."""
     _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
     push = float(np.median(across[predicted.targets])) if len(predicted.targets) else 0.0
     if not 0 < DEEPEST * value < push:
         return ()
     return (Finding("CS4126", "warning", f"with a cutting stiffness of {1e-3 * value:g} N/mm the push across of {push:.0f} N "
-                    f"would be that of a cut {1e3 * push / value:.0f} mm deep", file=str(predicted.cell.source),
+                    f"would be that of a cut {1e3 * push / value:.0f} mm deep", file=source,
                     hint="the unit is newton per millimetre of depth; about force divided by depth of cut"),)
 
 

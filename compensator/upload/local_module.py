@@ -16,7 +16,9 @@ from identification.common.made_from import RECORD, said_of_changes, said_of_lat
 SUFFIXES = (".mod", ".modx", ".sys", ".sysx")
 _MODULE = re.compile(rb"^[ \t]*MODULE[ \t]+([A-Za-z][A-Za-z0-9_]*)", re.MULTILINE | re.IGNORECASE)
 _END = re.compile(rb"^[ \t]*ENDMODULE\b", re.MULTILINE | re.IGNORECASE)
-_LOAD = re.compile(rb'^[ \t]*(?:Start)?Load[ \t]*(?:\\Dynamic[ \t]*)?,?[ \t]*"([^"\r\n]+)"', re.MULTILINE | re.IGNORECASE)
+# A folder that stands in a variable is not known here.
+_LOAD = re.compile(rb'^[ \t]*(?:Start)?Load[ \t]*(?:\\Dynamic[ \t]*)?,?[ \t]*(?:"([^"\r\n]+)"|[a-z][a-z0-9_]*)'
+                   rb'(?:[ \t]*\\File[ \t]*:=[ \t]*"([^"\r\n]+)")?', re.MULTILINE | re.IGNORECASE)
 _PART = re.compile(r"_[0-9]{3,}$")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*\.(mod|modx|sys|sysx)", re.IGNORECASE)
 
@@ -49,8 +51,8 @@ class LocalModule:
         if others:
             shown = ", ".join(others[:3]) + (" ..." if len(others) > 3 else "")
             return (Finding("CS6125", "warning", f"it loads {shown} at run time: they must be there under these names",
-                            file=str(self.file), hint="upload each part with --name and the name that it is loaded by, and "
-                            f"controller.folder {others[0].rpartition('/')[0]}"),)
+                            file=str(self.file), hint="upload each part with --name and the name that it is loaded by"
+                            + _in_folder(others[0], "")),)
         main = self.record["output"].get("file") if self.record else None
         if not isinstance(main, str) or main == self.file.name or Path(main).name != main:
             return ()
@@ -59,12 +61,11 @@ class LocalModule:
         except OSError:
             return ()
         place = next((place for place in places if place.rpartition("/")[2].lower() == self.file.name.lower()), "")
-        if not place or place.lower() == f"{folder}/{name}".lower():
+        here = f"{folder}/{name}" if "/" in place else name
+        if not place or place.lower() == here.lower():
             return ()
         return (Finding("CS6125", "warning", f"{main} loads it as {place} at run time, and here it would be {folder}/{name}",
-                        file=str(self.file), hint=f"--name {self.file.name}" + (
-                            "" if place.rpartition("/")[0].lower() == folder.lower()
-                            else f", and controller.folder {place.rpartition('/')[0]}")),)
+                        file=str(self.file), hint=f"--name {self.file.name}{_in_folder(place, folder)}"),)
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values."""
@@ -84,9 +85,16 @@ class LocalModule:
         return shown
 
 
+def _in_folder(place: str, folder: str) -> str:
+    """The rest of a hint: the folder of a place that is loaded, where it is another one."""
+    there = place.rpartition("/")[0]
+    return f", and controller.folder {there}" if there and there.lower() != folder.lower() else ""
+
+
 def _loaded(content: bytes) -> list[str]:
     """What a module loads at run time, `HOME/part.mod`, as a controller's folders are written here."""
-    return [place.decode("latin-1").replace(":/", "/").replace(":", "/") for place in _LOAD.findall(content)]
+    return [b"/".join(place.replace(b":", b"/").strip(b"/").replace(b"//", b"/") for place in parts if place).decode("latin-1")
+            for parts in _LOAD.findall(content) if any(parts)]
 
 
 def read_module(file: Path, robot: str, *, changed: bool = False) -> LocalModule:

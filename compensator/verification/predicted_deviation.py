@@ -50,7 +50,7 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
     predicted = np.full((len(readings), 3), np.nan)
     predicted[mine] = 1e-6 * table.stack(*DEVIATION)[rows]
     if in_object:
-        predicted = predicted @ base_from_object(cell, readings, file)
+        predicted = predicted @ _base_from_object(cell, readings, file, in_object=True)
     findings = []
     if len(mine) < len(readings):
         findings.append(Finding("CS6022", "warning", f"{counted(len(readings) - len(mine), 'reading')} of {len(readings)} "
@@ -67,31 +67,30 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
 
 def of_tool(readings: Readings, radius: float, file: Path, cell: Cell, *, in_object: bool) -> Readings:
     """With the places where the tool stood, radius [m] beside the surface along the normal. Raises CompstiffError (CS5304)
-    without normals or places, and what `base_from_object` raises: places are in the work object, normals where in_object."""
+    without normals or places, and what `_base_from_object` raises: places are in the work object, normals where in_object."""
     if readings.key != "x_mm y_mm z_mm" or readings.normal is None:
         raise error("CS5304", "a tool radius says how far beside the surface the path is, and no normal on which side, or no "
                     "place", file=readings.source, hint="give x_mm y_mm z_mm and nx ny nz, out of the material")
-    normal = readings.normal if in_object else readings.normal @ base_from_object(cell, readings, file)
+    normal = readings.normal
+    if not in_object:
+        normal = normal @ _base_from_object(cell, readings, file, in_object=False)
     return replace(readings, place=readings.place + radius * normal)
 
 
-def base_from_object(cell: Cell, readings: Readings, file: Path) -> Array:
-    """How the cell's work object is turned against the base (3, 3). Raises CompstiffError: CS6051 it is not stated, CS4513 it
-    may turn."""
-    if not cell.object_stated:
-        raise error("CS6051", f"is in the work object, and {cell.source.name} states none: how it is turned against the base, "
-                    f"in which {file} is, is not known", file=readings.source,
-                    hint="write the workobject (position_mm, quaternion) that the program declares into cell.yaml, or give "
-                    "the readings in the base frame")
-    _check_turning(cell, file)
-    return (cell.world_from_base.inverse() @ cell.world_from_object).rotation
-
-
-def _check_turning(cell: Cell, file: Path) -> None:
-    """Raises CompstiffError (CS4513) where a unit may turn work objects against the base: the file does not say how far."""
+def _base_from_object(cell: Cell, readings: Readings, file: Path, *, in_object: bool) -> Array:
+    """How the cell's work object is turned against the base (3, 3). in_object: the readings are along its axes; else their
+    places are in it, and their normals in the base frame. Raises CompstiffError: CS6051 it is not stated, CS4513 it may turn.
+    """
     turning = [unit.name for unit in cell.units or () if unit.carries != "nothing"
                and any(axis.rotary and axis.direction is not None for axis in unit.axes)]
-    if turning:
-        raise error("CS4513", f"has the deviation in the base frame, and the cell's {turning[0]} may turn the work object "
-                    "against the base", file=str(file),
-                    hint="give the readings in the base frame (--frame base), or leave --predicted out")
+    if cell.object_stated and not turning:
+        return (cell.world_from_base.inverse() @ cell.world_from_object).rotation
+    ways = "give the readings in the base frame (--frame base)" if in_object else (
+        "give the places of the tool's centre, without --tool-radius-mm")
+    if not cell.object_stated:
+        where = "is in the work object" if in_object else "has places in the work object and normals in the base frame"
+        raise error("CS6051", f"{where}, and {cell.source.name} states no workobject: how it is turned against the base, in "
+                    f"which {file} is, is not known", file=readings.source,
+                    hint=f"write the workobject (position_mm, quaternion) that the program declares into cell.yaml, or {ways}")
+    raise error("CS4513", f"has the deviation in the base frame, and the cell's {turning[0]} may turn the work object against "
+                "the base", file=str(file), hint=f"{ways}, or leave --predicted out")

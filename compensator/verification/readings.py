@@ -41,7 +41,8 @@ class Readings:
     """N places in the order of the path. key: what places them; place (N, 1) target number or path length [m], or (N, 3) [m].
 
     deviation (N, C) [m], sigma (N, C) [m]: measured minus planned and its 1 sigma; NaN where a component was not measured. C is
-    3 (x y z) or 1 (along the surface's normal). normal (N, 3): unit vector, None where it is not given.
+    3 (x y z) or 1 (along the surface's normal). normal (N, 3): unit vector, None where it is not given. rows: each reading by
+    itself and as the file has it, where those of a target were averaged or some left out.
     """
 
     source: str
@@ -51,6 +52,7 @@ class Readings:
     sigma: Array
     normal: Array | None
     findings: tuple[Finding, ...] = ()
+    rows: Readings | None = None
 
     def __post_init__(self) -> None:
         read_only(self.place, self.deviation, self.sigma, *([] if self.normal is None else [self.normal]))
@@ -67,6 +69,11 @@ class Readings:
     def size(self) -> Array:
         """Size (N,) [m] of the measured part of the deviation."""
         return np.asarray(np.sqrt(np.nansum(self.deviation**2, axis=1)))
+
+    @property
+    def each(self) -> Readings:
+        """Every reading of the file, of which a tolerance is asked."""
+        return self if self.rows is None else self.rows
 
     def as_given(self, added: AddedTargets) -> Readings:
         """With the numbers that the program as given has for its targets, where these are the corrected program's: rows at
@@ -85,7 +92,7 @@ class Readings:
         note = Finding("CS6037", "note", "names targets of the corrected program: taken as those of the planned one that they "
                        f"are ({counted(int((~own).sum()), 'row')} at targets that were added left out)", file=self.source)
         place: Array = added.given[kept.place[:, 0].astype(np.intp)][:, None].astype(np.float64)
-        return replace(kept, place=place, findings=(*self.findings, note))
+        return replace(kept, place=place, findings=(*self.findings, note), rows=self.each)
 
     def select(self, rows: Indices) -> Readings:
         """The places of these rows, in this order."""
@@ -120,8 +127,9 @@ def read_readings(file: Path, cell: Cell) -> Readings:
     else:
         stated = cell.noise.deflection
         sigma = np.tile(np.sqrt(np.mean(stated**2)) if along_normal else stated, (len(table), 1))
+        shown = sigma[0] if len(set(sigma[0])) > 1 else sigma[0, :1]
         findings.append(Finding("CS6025", "note", f"no column {' '.join(sigmas)}: 1 sigma of a reading taken from the cell's "
-                                f"measurement.deflection_std_um, {', '.join(f'{1e6 * x:g}' for x in np.unique(sigma))} um",
+                                f"measurement.deflection_std_um, {', '.join(f'{1e6 * x:.3g}' for x in shown)} um",
                                 file=table.source, hint="state what your probe does"))
     if not (sigma > 0).all():
         row = int(np.flatnonzero(~(sigma > 0).all(axis=1))[0])
@@ -207,12 +215,13 @@ def _in_order(readings: Readings, findings: list[Finding]) -> Readings:
                                 "component left out", file=readings.source))
     if not len(measured):
         raise error("CS6020", "no row has a measured deviation", file=readings.source, hint="is it still to be filled in?")
-    kept = readings.select(measured)
+    kept, rows = readings.select(measured), None
     if kept.key == "path_mm":
         kept = kept.select(np.argsort(kept.place[:, 0], kind="stable"))
     if kept.key == "target":
         _, first, member = np.unique(kept.place[:, 0], return_index=True, return_inverse=True)
         if len(first) < len(kept):
+            rows = kept
             findings.append(Finding("CS6033", "note", f"{counted(len(kept) - len(first), 'further reading')} of a "
                                     "target that has one: averaged with it", file=kept.source))
         known = ~np.isnan(kept.deviation)
@@ -224,7 +233,7 @@ def _in_order(readings: Readings, findings: list[Finding]) -> Readings:
             deviation, sigma = total / number, np.sqrt(variance) / number
         kept = Readings(kept.source, kept.key, kept.place[first], deviation, sigma,
                         None if kept.normal is None else kept.normal[first])
-    return Readings(kept.source, kept.key, kept.place, kept.deviation, kept.sigma, kept.normal, tuple(findings))
+    return replace(kept, findings=tuple(findings), rows=rows)
 
 
 def pair(first: Readings, second: Readings, within: float) -> tuple[Indices, Indices]:

@@ -43,14 +43,13 @@ def _verdict(result: Verification) -> Verdict:
     sentence = (f"Measured: {before.rms_um:.1f} µm RMS before, {after.rms_um:.1f} µm after the correction; the largest "
                 f"{before.max_um:.1f} and {after.max_um:.1f} µm")
     if result.accepted is False:
-        return Verdict("bad", "NOT ACCEPTED", f"{sentence}. {result.over} of {len(result.after)} readings exceed the "
-                                              f"tolerance of "
-                       f"{result.tolerance_um:g} µm, the worst at {_worst(result.after)}.")
+        return Verdict("bad", "NOT ACCEPTED", f"{sentence}. {result.over} of {len(result.after.each)} readings exceed the "
+                       f"tolerance of {result.tolerance_um:g} µm, the worst at {_worst(result.after.each)}.")
     if result.comparison.verdict == "worse":
         return Verdict("bad", "WORSE THAN BEFORE", f"{sentence}. Do not use this correction.")
     if result.accepted:
-        return Verdict("good", "ACCEPTED", f"{sentence}. All {len(result.after)} readings are within {result.tolerance_um:g} "
-                                           f"µm.")
+        return Verdict("good", "ACCEPTED", f"{sentence}. All {len(result.after.each)} readings are within "
+                       f"{result.tolerance_um:g} µm.")
     if result.comparison.verdict == "better":
         return Verdict("good", "BETTER", f"{sentence}. No tolerance was stated.")
     return Verdict("caution", "NO CLEAR DIFFERENCE", f"{sentence}: these readings do not show that one is better.")
@@ -67,7 +66,7 @@ def _keys(result: Verification) -> list[Key]:
                 f"before {before.max_um:.1f} µm; at {_worst(result.after.select(result.rows_after))}")]
     if result.tolerance_um is not None:
         keys.append(Key("share of the tolerance",
-                        f"{100 * 1e6 * float(np.nanmax(result.after.size)) / result.tolerance_um:.0f}",
+                        f"{100 * 1e6 * float(np.nanmax(result.after.each.size)) / result.tolerance_um:.0f}",
                         "%", f"of {result.tolerance_um:g} µm, largest reading after"))
     if scale is not None:
         keys.append(Key("measured over predicted", f"{scale.scale:.3f}", "", "" if scale.interval is None else

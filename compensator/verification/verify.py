@@ -67,8 +67,8 @@ class Verification:
                 f"{comparison.noise_um:.1f} um RMS of what is left."]
         if self.tolerance_um is not None:
             text.append(f"Tolerance {self.tolerance_um:g} um: " + (
-                f"accepted, all {len(self.after)} readings after are within it." if self.accepted
-                else f"not accepted, {self.over} of {len(self.after)} readings after exceed it."))
+                f"accepted, all {len(self.after.each)} readings after are within it." if self.accepted
+                else f"not accepted, {self.over} of {len(self.after.each)} readings after exceed it."))
         if self.scale is not None:
             text.append(_scale_text(self.scale))
         return text
@@ -119,12 +119,14 @@ def verify(
         scale = replace(scale, other_axes=axes)
         findings += [*more, *said, *_scale_findings(scale, axis_scales, before.source)]
     findings += _comparison_findings(comparison, after.source)
-    over = 0 if tolerance_um is None else int((1e6 * after.size > tolerance_um).sum())
+    # A reading of exactly the tolerance is within it, whatever its last digits became in metres.
+    size_um = 1e6 * after.each.size
+    over = 0 if tolerance_um is None else int((size_um > tolerance_um * (1 + 1e-9)).sum())
     if over:
-        findings.append(Finding("CS6026", "error", f"{over} of {counted(len(after), 'reading')} deviate by more than the "
-                                f"tolerance of {tolerance_um:g} um, the largest by {1e6 * after.size.max():.1f} um",
-                                file=after.source, hint="the part is not accepted; --predicted says whether a scale would "
-                                "help"))
+        findings.append(Finding("CS6026", "error", f"{over} of {counted(len(size_um), 'reading')} deviate by more than the "
+                                f"tolerance of {tolerance_um:g} um, the largest by {size_um.max():.1f} um",
+                                file=after.source, hint="the part is not accepted" + (
+                                    "; --predicted says whether a scale would help" if scale is None else "")))
     return Verification(before, after, rows_before, rows_after, comparison, predicted, scale, axis_scales, tolerance_um, over,
                         tuple(findings))
 
@@ -154,6 +156,8 @@ def _other_axes(before: Readings, predicted: Array, cell: Cell, *, in_object: bo
     if before.deviation.shape[1] < 3:
         return "", []
     known = ~np.isnan(before.deviation).any(axis=1) & ~np.isnan(predicted).any(axis=1)
+    if not known.any():
+        return "", []           # one or two components of each place
     turn = (cell.world_from_base.inverse() @ cell.world_from_object).rotation
     name, frame = ("the base frame (--frame base)", turn.T) if in_object else ("the work object (--frame workobject)", turn)
     told = predicted[known]

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compensator.cutting.materials import MATERIALS
 from tests.runs.command_line import user_files as kit
-from tests.runs.command_line.test_placement import line
+from tests.runs.command_line.test_placement import Path3, line
 from tests.runs.command_line.test_refusals import at
 from tests.runs.command_line.user_files import IRB6660, TOOL, Job, K
 
@@ -81,10 +82,13 @@ def test_a_stated_depth_tells_the_cutting_stiffness_where_enough_targets_climb(
     left = np.cross(axis * np.sign(axis @ flange), feed)
     left /= np.linalg.norm(left)
     forces = [60 * feed + (90 if k < climbs else -90) * left for k in range(45)]
-    job = Job(tmp_path, program=path.program(), forces=HEAD + "".join(
+    job = Job(tmp_path, kit.cell_text(extra="cutting: {material: steel}\n"), path.program(), forces=HEAD + "".join(
         f"{k},{','.join(f'{x:.6f}' for x in force)}\n" for k, force in enumerate(forces)))
     run = job.correct("--json", "--depth-of-cut", "0.5", "--keep-targets")
     assert run.code == 0, run
+    # Beside a depth that tells the cut, what the material lacks for it is no more than a note, which asks for no depth.
+    assert [(one["level"], one["hint"]) for one in of_code(run, "CS3202")] == [
+        ("note" if origin == "CS3240" else "warning", "state it")]
     found = of_code(run, origin)
     assert [(one["level"], one["file"]) for one in found] == [("note", str(tmp_path / "part.mod"))]
     assert not of_code(run, "CS3240" if origin == "CS3241" else "CS3241")
@@ -95,6 +99,151 @@ def test_a_stated_depth_tells_the_cutting_stiffness_where_enough_targets_climb(
     stiffness = np.median(0.75 * 90 / (0.5 - 1e3 * np.array(aside))) * np.exp(0.3**2 / 2)
     std = 2 * stiffness * np.sqrt(np.expm1(0.3**2))
     assert found[0]["message"] == f"cutting stiffness by a depth of 0.5 mm: {stiffness:.3g} +- {std:.2g} N/mm (2 sigma)"
+
+
+def sideways(path: Path3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Unit vectors, base frame: along a straight path, to its left as seen from the spindle, and to the spindle."""
+    work = kit.work_object()
+    feed = work.r.apply(path.frames[1].p - path.frames[0].p)
+    feed /= np.linalg.norm(feed)
+    up = (work @ path.frames[0]).r.apply([0, 0, 1])
+    up *= np.sign(up @ ((work @ path.frames[0] @ TOOL.inv()).p - (work @ path.frames[0]).p))
+    up -= (up @ feed) * feed
+    up /= np.linalg.norm(up)
+    return feed, np.cross(up, feed), up
+
+
+CUTTER = {"material": "steel", "tool_diameter_mm": "16", "contact_mm": "3"}
+
+
+@pytest.mark.parametrize("lacks", ["", "cutting.tool_diameter_mm", "cutting.contact_mm", "a programmed feed",
+                                   "the spindle's speed (--spindle-rpm)"])
+def test_a_material_tells_the_cut_or_what_it_lacks_for_that(tmp_path: Path, lacks: str) -> None:
+    """Steel, 16 mm, 3 mm of contact, 50 mm/s at 3000/min are a millimetre a turn: by docs/formats.md K = 0.8 k_c b v_f / v_c,
+    k_c = k_c1.1 h^-m_c of chips h = f_z sqrt(0.1) of three teeth, known to 0.4 of its logarithm."""
+    cutting = {key: value for key, value in CUTTER.items() if not lacks.endswith(key)}
+    program = line(5, 10).program().replace(",v50,", ",vX," if "feed" in lacks else ",v50,")
+    job = Job(tmp_path, kit.cell_text(extra=f"cutting: {{{', '.join(f'{k}: {v}' for k, v in cutting.items())}}}\n"), program,
+              forces=HEAD + "".join(f"{k},60,90,-120\n" for k in range(5)))
+    run = job.correct("--json", "--keep-targets", *(() if "spindle" in lacks else ("--spindle-rpm", "3000")))
+    assert run.code == 0, run
+    told, missing = of_code(run, "CS3201"), of_code(run, "CS3202")
+    assert [(one["level"], one["file"], one["message"]) for one in missing] == [(
+        "warning", str(tmp_path / "cell.yaml"),
+        f"cutting.material steel does not tell how stiff the cut is without {lacks}")] * bool(lacks)
+    steel = MATERIALS["steel"]
+    value = 0.8 * steel.specific * (np.sqrt(0.1) / 3) ** -steel.exponent * 3 / (np.pi * 16) * np.exp(0.4**2 / 2)
+    assert [(one["level"], one["file"], one["message"]) for one in told] == [(
+        "note", str(tmp_path / "cell.yaml"), f"cutting stiffness by its material, steel: {value:.3g} +- "
+        f"{2 * value * np.sqrt(np.expm1(0.4**2)):.2g} N/mm (2 sigma)")] * (not lacks)
+
+
+@pytest.mark.parametrize("by", ["cell", "option"])
+@pytest.mark.parametrize(("deep", "said"), [(201, True), (199, False)])
+def test_a_cutting_stiffness_of_a_cut_of_over_200_mm_is_told(tmp_path: Path, deep: int, said: bool, by: str) -> None:
+    """With the push across the feed that the log has, in the file that states it."""
+    path = line(5, 10)
+    feed, _, _ = sideways(path)
+    push = float(np.linalg.norm(np.array([60, 90, -120]) - (np.array([60, 90, -120]) @ feed) * feed))
+    value = f"{push / deep:.6f}"
+    option, of_cell = ("--cutting-stiffness", value), f"cutting: {{stiffness_n_per_mm: {value}}}\n"
+    job = Job(tmp_path, kit.cell_text(extra=of_cell if by == "cell" else ""), path.program(),
+              forces=HEAD + "".join(f"{k},60,90,-120\n" for k in range(5)))
+    run = job.correct("--json", "--keep-targets", *(option if by == "option" else ()))
+    assert run.code == 0, run
+    assert [(one["level"], Path(one["file"]).name, one["message"]) for one in of_code(run, "CS4126")] == [(
+        "warning", "cell.yaml" if by == "cell" else "part.mod", f"with a cutting stiffness of {float(value):g} N/mm the push "
+        f"across of {push:.0f} N would be that of a cut {deep} mm deep")] * said
+
+
+@pytest.mark.parametrize(("options", "angle", "said"), [
+    (("--slot-depth", "2"), 115, "depth"), (("--slot-depth", "2", "--cutting-stiffness", "20"), 115, "depth"),
+    (("--slot-depth", "2"), 60, "none"), (("--spindle-rpm", "3000"), 115, "material"), (("--spindle-rpm", "3000"), 60, ""),
+    (("--spindle-rpm", "3000", "--cutting-stiffness", "20"), 115, ""), ((), 115, "")])
+def test_how_the_force_in_a_slot_grows_with_its_depth_is_said(
+    tmp_path: Path, options: tuple[str, ...], angle: float, said: str
+) -> None:
+    """120 N at 115 degrees to the left of the feed, as in a slot, or at 60, as in climb milling. By the depth K = F_n / b, b
+    the stated one less what the tool stood towards the spindle, to 0.15 of its logarithm; by the material a quarter of
+    k_c(2 f_z / pi) f."""
+    path = line(20, 4)
+    feed, left, up = sideways(path)
+    force = 120 * (np.cos(np.radians(angle)) * feed + np.sin(np.radians(angle)) * left)
+    job = Job(tmp_path, kit.cell_text(extra="cutting: {material: steel}\n"), path.program(), forces=HEAD + "".join(
+        f"{k},{','.join(f'{x:.6f}' for x in force)}\n" for k in range(20)))
+    run = job.correct("--json", "--keep-targets", *options)
+    assert run.code == 0, run
+    rise = [up @ kit.deviation(IRB6660, q, TOOL.p, np.r_[force, 0, 0, 0], K) for q in path.q]
+    steel, mean = MATERIALS["steel"], {"depth": 0.15, "material": 0.4}.get(said, 0.0)
+    value = np.exp(mean**2 / 2) * (np.median(120 * np.sin(np.radians(angle)) / (2 - 1e3 * np.array(rise))) if said == "depth"
+                                   else 0.25 * steel.specific * (2 / (3 * np.pi)) ** -steel.exponent)
+    known = f"{value:.3g} +- {2 * value * np.sqrt(np.expm1(mean**2)):.2g} N/mm (2 sigma) along the tool's axis"
+    words = {"depth": f"in slots, by a depth of 2 mm: {known}", "material": f"in slots, by steel: {known}",
+             "none": "--slot-depth is stated, and by the direction of its force nothing is a slot"}
+    assert [(one["level"], one["file"], one["message"]) for one in of_code(run, "CS3243")] == [
+        ("note", str(tmp_path / "part.mod"), words[said])] if said else not of_code(run, "CS3243")
+
+
+@pytest.mark.parametrize(("count", "by"), [(46, "passes"), (45, "none")])
+def test_two_passes_tell_how_the_force_in_a_slot_grows(tmp_path: Path, count: int, by: str) -> None:
+    """200 N/mm of depth: by the steps along the tool's axis of forty targets in full slots at least, with the sensor's zero
+    (2 N) against what is known of any slot: K = F_n / 2 mm to 0.8 of its logarithm."""
+    path = line(count, 4)
+    feed, left, up = sideways(path)
+    force = 120 * (np.cos(np.radians(115)) * feed + np.sin(np.radians(115)) * left)
+
+    def text(times: np.ndarray) -> str:
+        return HEAD + "".join(f"{k},{','.join(f'{x:.9f}' for x in one * force)}\n" for k, one in enumerate(times))
+
+    def rise(times: np.ndarray) -> np.ndarray:
+        wrench = np.pad(times[:, None] * force, ((0, 0), (0, 3)))
+        return np.asarray(kit.deviation(IRB6660, np.array(path.q), TOOL.p, wrench, K) @ up)
+
+    job = Job(tmp_path, program=path.program(), forces=text(np.ones(count)))
+    assert job.correct("--keep-targets").code == 0
+    sent = np.array([kit.work_object().r.apply(b.p - a.p) for a, b in zip(
+        kit.targets_of(str(job.program)), kit.targets_of(job.out.read_text()), strict=True)]) @ up
+    push, times = 120 * np.sin(np.radians(115)), np.ones(count)
+    for _ in range(20):
+        deeper = 1e3 * (rise(np.ones(count)) - rise(times) - sent)
+        times = 1 + 200 * deeper / push
+    (tmp_path / "first.csv").write_text(job.forces)
+    (tmp_path / "applied.csv").write_bytes(job.offsets_file.read_bytes())
+    job.forces = text(times)
+    run = job.correct("--json", "--force", "--keep-targets", "--logged-with", tmp_path / "applied.csv", "--first-forces",
+                      tmp_path / "first.csv")
+    assert run.code == 0, run
+    found = of_code(run, "CS3243")
+    assert [(one["level"], one["file"]) for one in found] == [("note", str(tmp_path / "part.mod"))] * (by == "passes")
+    inner = deeper[3:-3]
+    before = push / np.median(2 - 1e3 * rise(np.ones(count))[3:-3]) * np.exp(0.8**2 / 2)
+    weights = np.array([(inner @ inner / (2 * np.abs(inner).sum())) ** 2, 1 / (before**2 * np.expm1(0.8**2))])
+    value, std = weights @ [200, before] / weights.sum(), weights.sum() ** -0.5
+    assert all(one["message"] == f"in slots, from two passes: {value:.3g} +- {2 * std:.2g} N/mm (2 sigma) along the tool's axis"
+               for one in found)
+
+
+@pytest.mark.parametrize(("fit", "option", "code", "exit_code", "words"), [
+    ({}, "", "", 0, ""), ({"model_check": {"rejected": False, "p_value": 1e-5, "seen": "a trend"}}, "", "", 0, ""),
+    ({"model_check": {"rejected": False}}, "--accept-rejected", "", 0, ""),
+    ({"model_check": {"rejected": True, "p_value": 2e-4, "seen": "a trend"}}, "", "CS1022", 3, "it (p = 0.0002: a trend)"),
+    ({"model_check": {"rejected": True, "p_value": 0.2, "seen": "a trend"}}, "", "CS1022", 3, "reject it (a trend)"),
+    ({"model_check": {"rejected": True}}, "--accept-rejected", "CS1023", 0, "reject it (it does not explain them)"),
+    ({"model_check": {"rejected": False, "seen": "this or that"}, "diagnosis": "ambiguous"}, "", "CS1027", 0, "(this or that)"),
+    ({"model_check": {"rejected": False, "seen": "this or that"}, "diagnosis": "named"}, "", "", 0, ""),
+    ({"model_check": {"rejected": True, "seen": "this or that"}, "diagnosis": "ambiguous"}, "", "CS1022", 3, "(this or that)")])
+def test_what_load_tests_say_of_their_own_model_decides_whether_it_is_used(
+    tmp_path: Path, fit: dict[str, object], option: str, code: str, exit_code: int, words: str
+) -> None:
+    """A rejected one is refused, also where it leaves causes open; asked for all the same it is used with a warning."""
+    job = Job(tmp_path, program=line(5, 10).program(), stiffness=kit.stiffness_text(fit=fit),
+              forces=HEAD + "".join(f"{k},60,90,-120\n" for k in range(5)))
+    run = job.predict("--json", *([option] if option else []))
+    assert run.code == exit_code, run
+    found = [one for one in run.json["findings"] if one["code"] in ("CS1022", "CS1023", "CS1027")]
+    assert [(one["code"], one["level"], one["file"]) for one in found] == [
+        (code, "error" if exit_code else "warning", str(tmp_path / "stiffness.json"))] * bool(code)
+    assert all(words in one["message"] for one in found)
 
 
 @pytest.mark.parametrize(("count", "more"), [(20, ""), (21, "1 more target"), (25, "5 more targets")])
@@ -144,6 +293,10 @@ def test_a_budget_is_told_in_the_terminal_and_judged_on_the_page(tmp_path: Path,
             f"are {two['rms']:.1f} um RMS, {two['largest']:.1f} um at most, and {told['over']} over it") in run.out
     assert told["over"] == (5 if limit == 1 else 0)
     assert ("  may fail at lines 5 to 9: up to" in run.out) == (limit == 1)
+    over = of_code(job.predict(*options, "--json"), "CS3205")
+    assert [(one["message"], one["file"], one["line"]) for one in over] == [
+        ("5 of 5 targets are expected over the tolerance of 1 um: two sigma are up to "
+         f"{two['largest']:.0f} um there", str(tmp_path / "part.mod"), 5)] * (limit == 1)
     assert word in (tmp_path / "page.html").read_text()
     causes = {cause: of for cause, of in told["causes"].items() if of["two_sigma_um"]["largest"]}
     assert sum(" % of the tolerance (two sigma" in text for text in run.out.splitlines()) == len(causes) > 2

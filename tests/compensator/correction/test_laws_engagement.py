@@ -260,7 +260,70 @@ def test_a_wrong_sign_shows_in_the_second_pass(tmp_path: Path, path: Path3, unco
     result = job.correct("--force", "--json", "--logged-with", tmp_path / "applied.csv",
                          "--first-forces", tmp_path / "first.csv")
     assert result.code == 3
-    assert "CS3117" in kit.codes(result)
+    (said,) = (one for one in result.json["findings"] if one["code"] == "CS3117")
+    deeper, change, stiffness = map(float, re.search(
+        r"cut ([\d.]+) um deeper, shows less force \(([-+\d.]+) N\): ([-+\d.e]+) \+- ", said["message"]).groups())
+    # By force_log.sign the tool stood off the other way, and off by less in the second pass, on top of what it was sent.
+    sizes = [np.linalg.norm(push(path, force), axis=1) for force in (first, second)]
+    off = [np.einsum("ni,ni->n", stands(path, force), push(path, first)) / sizes[0] for force in (first, second)]
+    assert deeper == pytest.approx(1e6 * np.mean(2 * off[0] - off[1]), rel=0.02)
+    assert change == pytest.approx(np.mean(sizes[1] - sizes[0]), rel=0.02)
+    assert 1e3 * stiffness == pytest.approx(np.mean(sizes[1] - sizes[0]) / np.mean(2 * off[0] - off[1]), rel=0.1)
+
+
+def push(path: Path3, force: np.ndarray) -> np.ndarray:
+    """The part (COUNT, 3) [N] of a force across the feed."""
+    feed = np.gradient(np.array([(kit.work_object() @ frame).p for frame in path.frames]), axis=0)
+    feed /= np.linalg.norm(feed, axis=1)[:, None]
+    return np.asarray(force - np.einsum("ni,ni->n", force, feed)[:, None] * feed)
+
+
+def stands(path: Path3, force: np.ndarray) -> np.ndarray:
+    """Where the independent arm's tool is (COUNT, 3) [m] under it, off where it was sent."""
+    return kit.deviation(IRB6660, np.array(path.q), TOOL.p, np.pad(force, ((0, 0), (0, 3))), K)
+
+
+@pytest.mark.parametrize(("times", "scatter", "refused"), [
+    (0.9, 0.0, False), (1.1, 0.0, True), (1.6, 0.01, False), (3.0, 0.01, True)])
+def test_a_force_falls_by_a_wrong_sign_from_a_twentieth_a_millimetre(
+    tmp_path: Path, path: Path3, uncorrected: Passes, times: float, scatter: float, refused: bool
+) -> None:
+    """5 % of the force for each millimetre of depth: of a corrected pass whose force is less by the share x, and which
+    therefore stood (1 + x) e deeper, e where the tool stood in the first. Not where the scatter makes as much of it."""
+    first, _ = uncorrected
+    across = push(path, first)
+    size = np.linalg.norm(across, axis=1)
+    off = np.einsum("ni,ni->n", stands(path, first), across) / size
+    share = times * 50 * np.median(np.linalg.norm(first, axis=1)) * (off @ off) / (off @ size)
+    job = Job(tmp_path, program=path.program(), forces=text(first))
+    assert job.correct().code == 0
+    (tmp_path / "first.csv").write_text(text(first))
+    (tmp_path / "applied.csv").write_bytes(job.offsets_file.read_bytes())
+    to_and_fro = scatter * np.resize([1.0, -1.0], (COUNT, 1))
+    job.forces = text((1 - share + np.random.default_rng(3117).permutation(to_and_fro)) * first)
+    result = job.correct("--force", "--json", "--logged-with", tmp_path / "applied.csv", "--first-forces",
+                         tmp_path / "first.csv")
+    assert (result.code, "CS3117" in kit.codes(result)) == ((3, True) if refused else (0, False))
+
+
+@pytest.mark.parametrize(("count", "known"), [(39, False), (40, True)])
+def test_two_passes_tell_the_cutting_stiffness_from_forty_targets_on(
+    tmp_path: Path, path: Path3, uncorrected: Passes, count: int, known: bool
+) -> None:
+    first, _ = uncorrected
+    job = Job(tmp_path, program=path.program(), forces=text(first))
+    assert job.correct().code == 0
+    second, _ = milled(path, commanded(job))
+    (tmp_path / "first.csv").write_text("\n".join(text(first).splitlines()[:count + 1]) + "\n")
+    (tmp_path / "applied.csv").write_bytes(job.offsets_file.read_bytes())
+    job.forces = text(second)
+    result = job.correct("--force", "--json", "--logged-with", tmp_path / "applied.csv", "--first-forces",
+                         tmp_path / "first.csv")
+    told = [one for one in result.json["findings"] if one["code"] == "CS4122"]
+    assert (result.code, [(one["level"], one["file"]) for one in told]) == (
+        (0, []) if known else (1, [("error", str(tmp_path / "part.mod"))]))
+    assert all("only 39 targets with force in both, expected at least 40" in one["message"] for one in told)
+    assert not known or result.json["result"]["cutting_stiffness"]["n_per_mm"] == pytest.approx(CUTTING, rel=0.02)
 
 
 def test_a_force_that_hardly_falls_is_no_wrong_sign(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:

@@ -195,7 +195,14 @@ def test_confidence_from_the_command_line(tmp_path: Path) -> None:
         result = job.correct("--json", "--force", "--confidence", confidence)
         assert result.code == 0
         sizes.append(np.linalg.norm(kit.column(job.offsets(), "ox_mm", "oy_mm", "oz_mm"), axis=1))
-        assert ("CS4112" in kit.codes(result)) == bool(number)
         assert result.json["result"]["expected_worse"] > 0
+        told = [one for one in result.json["findings"] if one["code"] == "CS4112"]
+        assert len(told) == number
+    left = 1e3 * (sizes[0] - sizes[1])
+    out = int((sizes[1] < 1e-9).sum())
+    assert told[0]["message"].startswith(
+        f"small against their own uncertainty: 6 corrections; {out} left out, {6 - out} reduced")
+    assert float(re.search(r"up to ([\d.]+) um", told[0]["message"])[1]) == pytest.approx(left.max(), rel=0.01)
+    assert told[0]["target"] == np.argmax(left)
     assert np.all(sizes[1] < 0.9 * sizes[0])
     assert "0.5" in job.correct("--force", "--confidence", "0.3").err

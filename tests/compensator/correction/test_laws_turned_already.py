@@ -65,3 +65,30 @@ def test_only_turns_as_by_a_correction_are_told(first: Corrected, kind: str, sai
                           base_from_tcp=Frame(rotation, path.base_from_tcp.position))
     seen = SimpleNamespace(path=own, targets=first.predicted.targets, program=first.predicted.program)
     assert bool(said_of_own_turns(seen, first.kept, first.correction)) == said
+
+
+@pytest.mark.parametrize(("times", "others", "air", "said"), [
+    (0.58, 0, 10, False), (0.62, 0, 10, True), (1.58, 0, 10, True), (1.62, 0, 10, False),
+    (1.0, 4, 10, True), (1.0, 5, 10, False), (1.0, 0, 3, True), (1.0, 0, 2, False)])
+def test_turns_are_told_by_their_size_beside_enough_of_one_orientation(
+    first: Corrected, times: float, others: int, air: int, said: bool
+) -> None:
+    """0.6 to 1.6 times as this correction turns; three targets in the air at least, six of ten of them alike."""
+    path, targets, turn = first.predicted.path, first.correction.targets, first.correction.turn
+    free = np.setdiff1d(first.kept, first.predicted.targets)
+    rotation = path.base_from_tcp.rotation.copy()
+    work = path.base_from_object.rotation
+    for which, turns in ((targets, times * turn), (free[:others], 0.02 * np.eye(3)[np.arange(others) % 3] * (
+            1 + np.arange(others))[:, None])):
+        in_object = np.swapaxes(work, -1, -2)[which] @ rotation[which]
+        rotation[which] = work[which] @ Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix() @ in_object
+    own = SimpleNamespace(base_from_object=path.base_from_object, toolpath=path.toolpath,
+                          base_from_tcp=Frame(rotation, path.base_from_tcp.position))
+    seen = SimpleNamespace(path=own, targets=first.predicted.targets, program=first.predicted.program)
+    kept = np.sort(np.append(targets, free[:air]))
+    found = said_of_own_turns(seen, kept, first.correction)
+    size = np.degrees(np.sqrt(np.mean(np.sum((times * turn) ** 2, axis=1))))
+    assert [(one.code, one.level) for one in found] == [("CS4207", "warning")] * said
+    assert all(one.message.startswith(
+        f"the orientations of {len(targets)} targets are turned off the program's own by {size:.4f} deg RMS, {times:.2f} times")
+        for one in found)

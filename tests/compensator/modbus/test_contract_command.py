@@ -14,6 +14,7 @@ import compstiff as compstiff_api
 from compensator.modbus import registers as at
 from compensator.modbus.server import Endpoint, Loopback
 from compstiff.cli.push import push
+from identification.common.findings import CompstiffError
 from tests.compensator.modbus import tables_and_devices as kit
 from tests.support import compstiff_process, free_port, started
 
@@ -130,6 +131,24 @@ def test_exactly_the_limit_passes(tmp_path):
         assert call(cell_yaml(tmp_path, server.port), file, "--apply")[0] == 0
     sent = (device.active.registers.astype(int) - 32768).tolist()
     assert sent == [[1200, -1600, 0], [2000, 0, 0], [0, 0, -2000], [1155, 1155, 1155]]
+
+
+@pytest.mark.parametrize(("cells", "code", "words"), [
+    ("0.1,0.2,0", "", ""), ("0.1,,0", "CS5006", "an offset with 1 empty cell of three"),
+    (",,0", "CS5006", "an offset with 2 empty cells of three"), (",,", "CS5002", "1 target without an offset: 0 is sent")])
+def test_an_offset_is_there_or_not(tmp_path, cells, code, words):
+    """Of the second target, with its line."""
+    file = tmp_path / "offsets.csv"
+    file.write_text(f"target,ox_mm,oy_mm,oz_mm\n4,1,0,0\n5,{cells}\n6,1,0,0\n")
+    if code == "CS5006":
+        with pytest.raises(CompstiffError) as stopped:
+            compstiff_api.read_offsets(file, reach_mm=10.0)
+        found = stopped.value.findings
+    else:
+        read = compstiff_api.read_offsets(file, reach_mm=10.0)
+        found = [one for one in read.findings if one.code == "CS5002"]
+        assert (1e3 * read.offset).tolist() == [[1, 0, 0], [0, 0, 0] if code else [0.1, 0.2, 0], [1, 0, 0]]
+    assert [(one.code, one.message, one.file, one.line) for one in found] == [(code, words, str(file), 3)] * bool(code)
 
 
 def test_empty_offsets_go_as_zero_and_the_turn_not_sent_is_said(tmp_path):
@@ -360,10 +379,17 @@ def moved(by: float, target: int) -> list[list[float]]:
     return [[x, y + by * (k == target), z] for k, (x, y, z) in enumerate(PLACES)]
 
 
+def corrected(by: float = 0.0) -> list[list[float]]:
+    """The program with these offsets in it; by [mm]: off that along x, at one target."""
+    return [[a + b + by * (k == 9 and axis == 0) for axis, (a, b) in enumerate(zip(
+        place, SHIFT if k > 3 else [0, 0, 0], strict=True))] for k, place in enumerate(PLACES)]
+
+
 @pytest.mark.parametrize(("program", "code"), [
     (PLACES, None), (moved(0.01, 7), "CS5022"), (PLACES[:-1], "CS5022"), (PLACES[1:], "CS5022"),
     ([*PLACES, [1, 2, 3]], "CS5022"), (PLACES[::-1], "CS5022"),
-    ([[a + b for a, b in zip(place, SHIFT if k > 3 else [0, 0, 0], strict=True)] for k, place in enumerate(PLACES)], "CS5023"),
+    (corrected(), "CS5023"), (corrected(1.9e-3), "CS5023"), (corrected(2.1e-3), "CS5022"),
+    (moved(1.9e-3, 7), None), (moved(2.1e-3, 7), "CS5022"), (corrected()[:-1], "CS5022"),
 ])
 def test_only_the_program_they_were_made_for_gets_the_offsets(tmp_path, program, code):
     device = kit.offset_device()
@@ -373,6 +399,10 @@ def test_only_the_program_they_were_made_for_gets_the_offsets(tmp_path, program,
     codes = [finding["code"] for finding in document["findings"] if finding["level"] == "error"]
     assert (answered, codes) == ((0, []) if code is None else (3, [code]))
     assert (device.active is not None) == (code is None)
+    assert "CS5024" not in [finding["code"] for finding in document["findings"]]
+    if program in (moved(0.01, 7), moved(2.1e-3, 7)):
+        assert f"target 7 is {program[7][1] - PLACES[7][1]:.4g} mm from where the program has it" in document["findings"][0][
+            "message"]
 
 
 def test_without_planned_places_the_number_of_targets_is_what_is_held(tmp_path):

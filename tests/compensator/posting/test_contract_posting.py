@@ -156,6 +156,39 @@ def test_the_tools_x_follows_the_stated_direction(tmp_path, posted, cell):
         post(path, cell, PostingSettings(tool_x=(0, 0, 1)), "shell.mod")
 
 
+@pytest.mark.parametrize(("degrees", "refused"), [(9.9, True), (10.1, False)])
+def test_a_tool_axis_within_ten_degrees_of_the_stated_direction_is_refused(tmp_path, cell, degrees, refused):
+    """With the line where it is nearest, and how near. The same angle at another place is not."""
+    lean = np.radians([40, 90 - degrees, 50])
+    (tmp_path / "part.apt").write_text("UNITS/MM\nMULTAX/ON\nFEDRAT/600,MMPM\n" + "".join(
+        f"GOTO/{5 * k},0,0,{np.sin(a):.12f},0,{np.cos(a):.12f}\n" for k, a in enumerate(lean)))
+    cam_path, chosen = read_apt(tmp_path / "part.apt"), PostingSettings(tool_x=(2.0, 0.0, 0.0))
+    try:
+        post(cam_path, cell, chosen, "part.mod")
+        found = []
+    except CompstiffError as stopped:
+        found = [one for one in stopped.findings if one.code == "CS4304"]
+    assert [(one.line, one.target, one.file, one.message.partition(",")[0]) for one in found] == [
+        (5, 1, str(tmp_path / "part.apt"), "the tool axis comes within 9.9 degrees of the direction --tool-x")] * refused
+
+
+@pytest.mark.parametrize(("lean", "refused"), [(79, False), (81, True)])
+def test_a_tool_axis_that_comes_near_every_horizontal_direction_is_refused(tmp_path, cell, lean, refused):
+    """Round a cone, at 11 or at 9 degrees from the plane in which tool x is searched. Where it is refused --tool-x 0,0,1 is not
+    for that."""
+    turn, tilt = np.radians(np.arange(0, 360, 2)), np.radians(lean)
+    (tmp_path / "part.apt").write_text("UNITS/MM\nMULTAX/ON\nFEDRAT/600,MMPM\n" + "".join(
+        f"GOTO/{40 * np.cos(a):.6f},{40 * np.sin(a):.6f},0,{np.sin(tilt) * np.cos(a):.12f},{np.sin(tilt) * np.sin(a):.12f},"
+        f"{np.cos(tilt):.12f}\n" for a in turn))
+    for chosen, near in ((PostingSettings(), refused), (PostingSettings(tool_x=(0.0, 0.0, 1.0)), False)):
+        try:
+            post(read_apt(tmp_path / "part.apt"), cell, chosen, "part.mod")
+            found = []
+        except CompstiffError as stopped:       # no robot turns its tool round such a cone
+            found = [one.code for one in stopped.findings]
+        assert ("CS4304" in found) == near
+
+
 def test_a_chosen_direction_leaves_at_least_the_reserve_of_every_other(tmp_path, posted, cell):
     path = read_apt(tmp_path / "shell.apt")
     for angle in np.radians(np.arange(0, 360, 45)):
@@ -170,7 +203,9 @@ def test_out_of_reach_is_refused_with_the_line(tmp_path, cell):
     (tmp_path / "far.apt").write_text("UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,0\nGOTO/5000,0,0\n")
     with pytest.raises(Refused, match="CS4303") as caught:
         planned(tmp_path / "far.apt", cell)
-    assert caught.value.findings[0].line == 4
+    (found,) = caught.value.findings
+    assert (found.line, found.target, found.file) == (4, 1, str(tmp_path / "far.apt"))
+    assert "ends at target 1 of 2 " in found.message
 
 
 def table(tmp_path, cell, **extra):
@@ -225,6 +260,27 @@ def test_joint_angles_of_a_table_give_the_configuration(tmp_path, cell):
     with pytest.raises(CompstiffError, match=r"CS2153: .* mm and 0\.200 degrees"):
         planned(table(tmp_path, cell, q1_deg=off, **{f"q{i + 1}_deg": np.degrees(theta[:, i]) for i in range(1, 6)}),
                       cell)
+
+
+@pytest.mark.parametrize(("joint", "degrees", "refused"), [
+    (5, 0.098, False), (5, 0.102, True), (0, 0.018, False), (0, 0.019, True)])
+def test_joint_angles_off_their_pose_by_half_a_millimetre_or_a_tenth_of_a_degree_are_refused(
+        tmp_path, cell, joint, degrees, refused):
+    """At the eighth row. The last axis turns the flange about itself; the first carries it round its own, 1.5 m away."""
+    theta = reference(cell)
+    degree = np.degrees(theta)
+    degree[7, joint] += degrees
+    file = table(tmp_path, cell, **{f"q{i + 1}_deg": degree[:, i] for i in range(6)})
+    if not refused:
+        assert len(planned(file, cell).toolpath) == 20
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        planned(file, cell)
+    (found,) = stopped.value.findings
+    place = forward(cell.robot, theta[7:8], Frame.identity()).position[0, :2]
+    apart = 0 if joint else 2e3 * np.linalg.norm(place) * np.sin(np.radians(degrees / 2))
+    assert (found.code, found.line, found.target) == ("CS2153", 9, 7)
+    assert found.message.startswith(f"the joint angles put the flange {apart:.3f} mm and {degrees:.3f} degrees off this row's")
 
 
 def test_confdata_of_a_table_are_kept(tmp_path, cell):
@@ -302,10 +358,26 @@ def test_a_table_of_a_header_alone_is_none(tmp_path, cell, above):
     assert len(read_toolpath(file, cell).toolpath) == 1
 
 
-def test_a_tool_without_load_is_said(tmp_path):
-    cell = read_cell(write_cell(tmp_path, CELL.replace(", mass_kg: 80, centre_of_mass_mm: [0, 0, 120]", "")))
+@pytest.mark.parametrize(("name", "posted"), [("part.csv", True), ("PART.CSV", True), ("part.nc", False), ("part", False)])
+def test_what_is_posted_is_told_by_its_suffix(tmp_path, cell, name, posted):
+    """Refused by `post` and by whatever reads a toolpath."""
+    file = table(tmp_path, cell).rename(tmp_path / name)
+    told = compstiff("post", tmp_path / "cell.yaml", file, "-o", tmp_path / "out.mod")
+    assert told.returncode == (0 if posted else 1), told.stderr
+    assert (f"error CS4201: toolpath format '{file.suffix}' is not posted" in told.stderr) != posted
+    if not posted:
+        with pytest.raises(CompstiffError, match=f"CS4201: toolpath format '{file.suffix}' is not read, expected one of .mod"):
+            read_toolpath(file, cell)
+
+
+@pytest.mark.parametrize("lost", ["", ", mass_kg: 80, centre_of_mass_mm: [0, 0, 120]", ", centre_of_mass_mm: [0, 0, 120]"])
+def test_a_tool_without_load_is_said(tmp_path, lost):
+    """Without its mass, or where that is."""
+    assert lost in CELL
+    cell = read_cell(write_cell(tmp_path, CELL.replace(lost, "")))
     read = planned(table(tmp_path, cell), cell).toolpath
-    assert "CS4301" in {finding.code for finding in read.findings}
+    assert [(finding.level, finding.file) for finding in read.findings if finding.code == "CS4301"] == [
+        ("warning", str(tmp_path / "cell.yaml"))] * bool(lost)
 
 
 @pytest.mark.parametrize(("stem", "name"), [("Part 1-b", "Part_1_b"), ("12", "M12"), ("main", "main_part"),

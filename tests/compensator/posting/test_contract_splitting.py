@@ -177,13 +177,28 @@ def test_one_cut_is_not_split():
         split_program(module(body).encode(), np.array(air), 2, OUT)
 
 
+@pytest.mark.parametrize(("there", "said"), [
+    ((), ""), (("OUT_001.mod", "OUT_004.mod"), ""), (("OUT_5.mod", "OTHER_009.mod", "OUT_009.sys"), ""),
+    (("OUT_005.mod", "OUT_006.mod", "OUT_007.mod"), "OUT_005.mod, OUT_006.mod, OUT_007.mod"),
+    (("OUT_005.mod", "OUT_006.mod", "OUT_007.mod", "OUT_008.mod"), "OUT_005.mod, OUT_006.mod, OUT_007.mod ...")])
+def test_parts_that_this_split_does_not_have_are_named(tmp_path, there, said):
+    """Of four that it writes anew, or other files, nothing is said."""
+    body, air = moves(list("acacac"))
+    for name in there:
+        (tmp_path / name).write_text("old")
+    findings = split_files(module(body).encode(), np.array(air), PostingSettings(split=2), tmp_path / "OUT.mod",
+                           overwrite=True)[2]
+    assert [finding.message.partition(":")[0] for finding in findings if finding.code == "CS4314"] == [said] * bool(said)
+
+
 def test_parts_of_an_earlier_split_are_reported_and_none_is_overwritten(tmp_path):
     body, air = moves(list("acacac"))
     content, output = module(body).encode(), tmp_path / "OUT.mod"
     (tmp_path / "OUT_009.mod").write_text("old")
     _, sizes, findings = split_files(content, np.array(air), PostingSettings(split=2), output, overwrite=False)
     assert sizes == (1, 2, 2, 1)
-    assert "OUT_009.mod" in next(finding.message for finding in findings if finding.code == "CS4314")
+    assert [(finding.level, finding.file, finding.message.partition(":")[0]) for finding in findings if finding.code == "CS4314"
+            ] == [("warning", str(output), "OUT_009.mod")]
     (tmp_path / "OUT_002.mod").write_text("old")
     with pytest.raises(CompstiffError, match="CS0003"):
         split_files(content, np.array(air), PostingSettings(split=2), output, overwrite=False)

@@ -80,6 +80,39 @@ def test_lost_approach_or_retract_is_said(lost: slice, line: int) -> None:
     assert (found.code, found.line) == ("CS4317", 2 if line else len(part) + 1)
 
 
+@pytest.mark.parametrize(("deep", "first", "count", "said"), [
+    (0.9, False, 30, False), (1.1, False, 30, True), (1.1, True, 30, True), (0.9, True, 30, False), (1.1, True, 19, False),
+    (1.1, True, 20, True), (-5.0, True, 30, False)])
+def test_a_program_that_begins_or_ends_in_the_cut_is_said_from_a_millimetre_below_the_air_on(
+    deep: float, first: bool, count: int, said: bool
+) -> None:
+    """Below the lowest of its moves in the air, which stand at 4 and at 50 mm, of twenty targets at least."""
+    points = np.column_stack([np.arange(count), np.zeros(count), np.full(count, 3.9)])
+    points[[0, 1, -2], 2], points[-1, 2] = [50.0, 4.0, 4.0], 4.0 - deep
+    rapid = np.isin(np.arange(count), [0, 1, count - 2])
+    order = slice(None, None, -1 if first else 1)
+    part = path(points[order], rapid[order])
+    found = [one for one in said_of_moves(part, np.tile(UPWARDS, (count, 1)), PostingSettings()) if one.code == "CS4317"]
+    where = "begins: the first move, MoveJ, goes there from wherever the robot stands" if first else (
+        "ends, and the tool is left there")
+    assert [(one.level, one.line, one.message) for one in found] == [("warning", 2 if first else count + 1, (
+        f"a cut {deep:g} mm below all moves in the air is where the program {where}"))] * said
+
+
+@pytest.mark.parametrize("other", ["", "one place", "one row more"])
+def test_a_program_that_comes_again_but_for_one_place_is_not_one_twice(other: str) -> None:
+    whole = with_air(rows(np.random.default_rng(6)))
+    points, rapid = 1e3 * np.tile(whole.position, (2, 1)), np.tile(whole.rapid, 2)
+    if other == "one place":
+        points[len(whole) + 3, 2] -= 0.001
+    if other == "one row more":
+        points, rapid = np.concatenate([points, points[-1:] + 1]), np.append(rapid, True)
+    found = [one for one in said_of_moves(path(points, rapid), np.tile(UPWARDS, (len(points), 1)), PostingSettings())
+             if one.code == "CS4318"]
+    assert [(one.level, one.line, f"the {len(whole)} targets of the first half" in one.message) for one in found] == [
+        ("warning", len(whole) + 2, True)] * (not other)
+
+
 def test_rows_that_were_pasted_twice_are_said() -> None:
     whole = with_air(rows(np.random.default_rng(6)))
     assert said(path(1e3 * np.tile(whole.position, (2, 1)), np.tile(whole.rapid, 2))) == ["CS4318"]
@@ -94,6 +127,54 @@ def test_a_mistyped_number_is_said_with_its_line(slip: np.ndarray) -> None:
     whole = with_air(cuts)
     [found] = said_of_moves(whole, np.tile(UPWARDS, (len(whole), 1)), PostingSettings())
     assert (found.code, found.line) == ("CS4319", 37 + 1 + 2)
+
+
+@pytest.mark.parametrize(("off", "slips", "count", "said"), [
+    (11.0, 1, 40, False), (13.0, 1, 40, True), (13.0, 2, 40, True), (13.0, 3, 40, False), (40.0, 1, 22, True),
+    (40.0, 1, 21, False)])
+def test_a_target_is_out_of_line_by_over_three_steps_where_that_is_rare(off: float, slips: int, count: int, said: bool) -> None:
+    """Steps of 4 mm; out and back by so much, to one side. Of 22 cuts twenty have a cut on either side."""
+    points = np.column_stack([4.0 * np.arange(count), np.zeros(count), np.zeros(count)])
+    at = [9 + 5 * k for k in range(slips)]
+    points[at, 1] += off
+    part = path(points, np.zeros(count, dtype=bool))
+    found = [one for one in said_of_moves(part, np.tile(UPWARDS, (count, 1)), PostingSettings()) if one.code == "CS4319"]
+    assert [(one.level, one.line, one.message) for one in found] == [("warning", 9 + 2, (
+        f"target 9 stands {np.hypot(4, off):.3g} mm off both its neighbours, which are 8 mm apart; steps are 4 mm, in the "
+        "middle"))] * said
+
+
+@pytest.mark.parametrize(("degrees", "said"), [(44, True), (47, False)])
+def test_a_wide_tip_is_no_target_out_of_line(degrees: float, said: bool) -> None:
+    """One of 20 mm; from 45.6 degrees on, whose cosine is 0.7, it is a corner."""
+    half = np.radians(degrees / 2)
+    points = np.column_stack([4.0 * np.arange(40), np.zeros(40), np.zeros(40)])
+    points[20:, 0] += 2 * 20 * np.sin(half) - 8
+    points[19] = points[18] + 20 * np.array([np.sin(half), np.cos(half), 0])
+    found = said_of_moves(path(points, np.zeros(40, dtype=bool)), np.tile(UPWARDS, (40, 1)), PostingSettings(zone_mm=0.0))
+    assert [(one.code, one.line) for one in found] == [("CS4319", 19 + 2)] * said
+
+
+@pytest.mark.parametrize(("zone", "turn", "end", "said"), [
+    (0.70, 90, 8, 0), (0.72, 90, 8, 2), (0.72, 80, 8, 0), (5.0, 90, 1.38, 0), (5.0, 90, 1.46, 2)])
+def test_a_zone_that_misses_a_corner_by_over_a_quarter_of_a_millimetre_is_said(
+    zone: float, turn: float, end: float, said: int
+) -> None:
+    """The parabola of a zone misses its corner by half its radius times the sine of half the turn; it takes half of a shorter
+    neighbour at most. Corners before a move in the air, of the ends and of stops do not count."""
+    angle = np.radians(turn)
+    corner = np.array([[-8.0, 0, 0], [0, 0, 0], [end * np.cos(angle), end * np.sin(angle), 0]])
+    other = corner @ np.diag([1, -1, 1]) + [0, 40, 0]
+    points = np.concatenate([corner, other, other[-1:] + np.array([0, 0, 30]), corner + np.array([60, 0, 30])])
+    rapid = np.isin(np.arange(len(points)), [3, 6, 7, 8, 9])
+    part = path(points, rapid)
+    found = [one for one in said_of_moves(part, np.tile(UPWARDS, (len(points), 1)), PostingSettings(zone_mm=zone))
+             if one.code == "CS4324"]
+    worst = min(zone, end / 2) * np.sin(angle / 2) / 2
+    assert [(one.level, one.message) for one in found] == [("warning", (
+        f"zones of {zone:g} mm cut off {said} corners of the cut, the worst by {worst:.2g} mm"))] * bool(said)
+    assert not said_of_moves(replace(part, stop=np.ones(len(points), dtype=bool)), np.tile(UPWARDS, (len(points), 1)),
+                             PostingSettings(zone_mm=zone))
 
 
 @pytest.mark.parametrize(("chosen", "expected"), [
@@ -123,5 +204,9 @@ def test_the_speed_of_the_first_cut_is_read(tmp_path, text: str, rpm: float) -> 
 def test_another_spindle_speed_than_the_cells_is_said(tmp_path) -> None:
     cell = read_cell(write_cell(tmp_path, CELL + "force_log: {spindle_rpm: 9000}\n"))
     there = with_air(rows(np.random.default_rng(8)))
-    told = [[one.code for one in _odd_spindle(replace(there, spindle_rpm=rpm), cell)] for rpm in (0.0, 9000.0, 9500.0, 24000.0)]
-    assert told == [[], [], [], ["CS4325"]]
+    told = {rpm: [(one.code, one.message) for one in _odd_spindle(replace(there, spindle_rpm=rpm), cell)]
+            for rpm in (0.0, 8110.0, 9000.0, 9890.0, 8090.0, 9910.0, 24000.0)}
+    assert told == {rpm: [] if 8100 < rpm < 9900 or not rpm else [(
+        "CS4325", f"the spindle turns at {rpm:g} rpm in the file; force_log.spindle_rpm in cell.yaml is 9000")] for rpm in told}
+    unstated = read_cell(write_cell(tmp_path))
+    assert _odd_spindle(replace(there, spindle_rpm=24000.0), unstated) == []

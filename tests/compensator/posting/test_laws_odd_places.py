@@ -74,3 +74,46 @@ def test_rows_in_another_order_are_told(name: str) -> None:
         told, count = told + len(said), count + 1
     assert count >= 20
     assert told >= 0.8 * count
+
+
+@pytest.mark.parametrize(("count", "reach_mm", "said"), [(10, 1.99, True), (10, 2.01, False), (9, 1.99, False)])
+def test_ten_targets_within_two_millimetres_are_told(count: int, reach_mm: float, said: bool) -> None:
+    points = np.outer(np.linspace(0, 1, count), [0.3, reach_mm, -0.2]) + np.array([50, -20, 7])
+    found = said_of_places(path(points, np.zeros(count, dtype=bool)), TOOL)
+    assert [(one.code, one.level, one.file, one.message) for one in found] == [
+        ("CS4308", "warning", "path.csv", f"all {count} targets lie within 2 mm: in metres?")] * said
+
+
+def drawn_at(points: np.ndarray) -> list[tuple[str, int | None, str]]:
+    found = said_of_places(path(points, np.zeros(len(points), dtype=bool)), TOOL)
+    return [(one.code, one.line, one.message) for one in found if one.code == "CS4315"]
+
+
+@pytest.mark.parametrize(("spread", "count", "said"), [(1.0, 31, True), (1.0, 30, False), (0.02, 31, False)])
+def test_leaps_in_any_direction_from_thirty_on_are_told_with_the_longest(spread: float, count: int, said: bool) -> None:
+    """Across a star of a few places, from one to the next but one; near each place lie others. As often there and back along
+    one line it is a row that is milled to and fro."""
+    turn = np.arange(count) * np.radians(144) + 0.01 * np.arange(count)
+    points = 30 * np.column_stack([np.cos(turn), spread * np.sin(turn), 0 * turn])
+    told = drawn_at(points)
+    assert len(told) == said
+    if said:
+        step = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        assert told[0][1] == int(np.argmax(step)) + 3           # behind it, in the file's lines
+        way = np.diff(points, axis=0)[:, :2] @ [1, 1j]
+        turns = np.abs(np.degrees(np.angle(way[1:] / way[:-1])))
+        near = np.sort(np.linalg.norm(points[:, None] - points, axis=2), axis=1)[:, 1]
+        assert told[0][2] == (f"from cut to cut the path leaps {np.median(step):.3g} mm, in the middle, in any direction, and "
+                              f"turns by {np.median(turns):.0f} degrees; the nearest cuts lie {np.median(near):.2g} mm apart")
+
+
+def test_leaps_are_those_of_five_times_the_way_to_the_next_place() -> None:
+    """A hundred places of a square, driven by no order: half of the steps are longer than about five of its meshes."""
+    square = 3.0 * np.stack(np.meshgrid(np.arange(10), np.arange(10), [0]), axis=-1).reshape(-1, 3)
+    told = set()
+    for seed in range(12):
+        points = np.random.default_rng((4315, seed)).permutation(square)
+        leaps = bool(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1)) >= 5 * 3.0)
+        assert bool(drawn_at(points)) == leaps, seed
+        told.add(leaps)
+    assert told == {True, False}

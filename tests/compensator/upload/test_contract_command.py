@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 
 import pytest
 from click.testing import CliRunner
@@ -126,12 +127,24 @@ def test_what_is_refused_before_anything_is_sent(controller, cell, tmp_path):
     file = kit.write_module(tmp_path)
     controller.files[kit.new_path(file)] = b"somebody changed it"
     assert kit.call(cell, file, "--apply").codes == ["CS6111"]
-    assert kit.call(cell, file, "--apply", "--load", "T_ROB9", "--name", "a.mod").codes == ["CS6114"]
     text = cell.read_text()
-    cell.write_text(text.replace("host:", "folder: HOME/nowhere, host:"))
-    assert kit.call(cell, file, "--apply").codes == ["CS6122"]
-    cell.write_text(text.replace("host:", "system: another, host:"))
-    assert kit.call(cell, file, "--apply").codes == ["CS6121"]
+
+    def refused(more: str, *arguments: object) -> tuple[int, list[str], str]:
+        """With a dry run it is the same."""
+        cell.write_text(text.replace("host:", f"{more}host:"))
+        endings = [kit.call(cell, file, "--name", "a.mod", *arguments, *apply) for apply in ((), ("--apply",))]
+        assert endings[0].message == endings[1].message
+        assert endings[0].code == endings[1].code
+        return endings[1].code, endings[1].codes, endings[1].message
+
+    for task in ("T_ROB9", "t_rob1"):
+        assert refused("", "--load", task) == (3, ["CS6114"], f"the controller has no task '{task}'")
+    code, codes, said = refused("folder: HOME/nowhere, ")
+    assert (code, codes) == (3, ["CS6122"])
+    assert re.fullmatch(r"the controller has no folder HOME/nowhere \(.*40[04].*\); nothing was sent", said)
+    code, codes, said = refused("system: another, ")
+    assert (code, codes) == (3, ["CS6121"])
+    assert "is the system '6660-500123', the cell states controller.system 'another'; nothing was sent" in said
     cell.write_text(text.replace("host:", "system: 6660-500123, folder: HOME/milling, host:"))
     assert controller.files == {kit.new_path(file): b"somebody changed it"}
     assert kit.call(cell, file, "--apply", "--name", "Part_1.MOD").code == 0

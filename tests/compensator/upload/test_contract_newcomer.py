@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from compensator.upload.local_module import read_module
 from tests.compensator.upload import kit
 from tests.compensator.upload.emulator import Emulator, RobotController
 
@@ -19,6 +20,17 @@ def test_a_host_is_a_name_alone(tmp_path: Path, host: str) -> None:
     in_file = kit.call(cell, module)
     assert (in_file.code, in_file.codes) == (1, ["CS0102"])
     assert "a name or an address alone" in in_file.message
+
+
+def test_a_host_is_stated_in_the_cell_or_in_the_call(tmp_path: Path) -> None:
+    module, cell = kit.write_module(tmp_path), kit.cell_yaml(tmp_path, 80)
+    cell.write_text(cell.read_text().replace("host: 127.0.0.1, ", ""))
+    none = kit.call(cell, module)
+    assert (none.code, none.codes, none.message) == (1, ["CS6104"], "states no controller.host")
+    assert none.document["findings"][0]["file"] == str(cell)
+    with Emulator(RobotController()) as emulator:
+        stated = kit.call(cell, module, "--host", "127.0.0.1", "--port", emulator.port)
+    assert (stated.code, stated.codes) == (0, [])
 
 
 @pytest.mark.parametrize("host", ["192.168.125.1", "fe80::1", "robot7.plant.local"])
@@ -74,3 +86,25 @@ def test_parts_that_are_loaded_at_run_time_must_have_the_names_they_are_loaded_b
         assert kit.call(cell, part, "--name", "big_001.mod").codes == []
         cell.write_text(cell.read_text().replace("tls: false", "tls: false, folder: HOME/milling"))
         assert "controller.folder HOME" in kit.call(cell, part, "--name", "big_001.mod").document["findings"][0]["hint"]
+        # Of a folder that stands in a variable the name alone is held.
+        main.write_bytes(MAIN.replace(b'"HOME:/big_001.mod";', b'diskhome \\File:="big_001.mod";', 1))
+        assert kit.call(cell, part, "--name", "big_001.mod").codes == []
+        named = kit.call(cell, part, "--name", "other.mod").document["findings"][0]
+        assert (named["code"], named["hint"]) == ("CS6125", "--name big_001.mod")
+
+
+@pytest.mark.parametrize(("statement", "place"), [
+    ('Load \\Dynamic,"HOME:/other.mod";', "HOME/other.mod"),
+    ('StartLoad "HOME:/milling/other.mod",slot;', "HOME/milling/other.mod"),
+    ('Load \\Dynamic, "HOME:" \\File:="other.mod";', "HOME/other.mod"),
+    ('Load\\Dynamic,"HOME:/milling/"\\File:="OTHER.MOD";', "HOME/milling/OTHER.MOD"),
+    ('! Load \\Dynamic,"HOME:/other.mod";', ""), ('Load \\Dynamic,"HOME:/big.mod";', ""), ('UnLoad "HOME:/other.mod";', ""),
+    ('Load \\Dynamic,where;', ""), ('LoadId load1;', ""), ('Load \\Dynamic, diskhome \\File:="other.mod";', "other.mod")])
+def test_what_a_module_loads_is_told_as_it_writes_it(tmp_path: Path, statement: str, place: str) -> None:
+    """By the ways that RAPID has; not itself, nor what a comment, an UnLoad or a variable says."""
+    main = kit.write_module(tmp_path, "big.mod", MAIN.replace(b'Load \\Dynamic,"HOME:/big_001.mod";', statement.encode(), 1))
+    found = read_module(main, kit.ROBOT).loads("HOME", "big.mod")
+    assert [(one.code, one.level, one.file, one.message) for one in found] == [(
+        "CS6125", "warning", str(main), f"it loads {place} at run time: they must be there under these names")] * bool(place)
+    folder = place.rpartition("/")[0]
+    assert all(one.hint.endswith(f"loaded by, and controller.folder {folder}" if folder else "loaded by") for one in found)

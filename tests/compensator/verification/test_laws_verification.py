@@ -524,12 +524,14 @@ def test_how_far_the_nearest_target_is_is_said(passes: dict[str, Path], tmp_path
         finding["message"] for finding in json.loads(result.stdout)["findings"] if finding["code"] == "CS6028")
 
 
-@pytest.mark.parametrize(("kind", "exit_code"), [("linear", 0), ("rotary", 1)])
+@pytest.mark.parametrize(("carries", "kind", "exit_code"), [
+    ("workobject", "linear", 0), ("workobject", "rotary", 1), ("robot", "rotary", 1), ("nothing", "rotary", 0)])
 def test_a_work_object_that_may_turn_against_the_base_is_not_compared(
-    passes: dict[str, Path], kind: str, exit_code: int
+    passes: dict[str, Path], carries: str, kind: str, exit_code: int
 ) -> None:
     """The predicted deviations are in the base frame, and the file does not say where a table stood; a slide turns nothing."""
-    unit = f"{{name: STN1, carries: workobject, axes: [{{eax: a, kind: {kind}, direction: [0, 0, 1]}}]}}"
+    axis = f"{{eax: a, kind: {kind}{'' if carries == 'nothing' else ', direction: [0, 0, 1]'}}}"
+    unit = f"{{name: STN1, carries: {carries}, axes: [{axis}]}}"
     passes["cell"].write_text(passes["cell"].read_text() + f"mechanical_units: [{unit}]\n")
     result = verify(passes["cell"], passes["places"], passes["places"], "--predicted", passes["predicted"], "--frame",
                     "workobject", "--json")
@@ -560,6 +562,31 @@ def test_a_work_object_that_the_cell_does_not_state_is_not_taken_for_the_base(pa
     assert verify(*words).exit_code == 0
 
 
+@pytest.mark.parametrize(("frame", "way"), [
+    ("workobject", "give the readings in the base frame (--frame base)"),
+    ("base", "give the places of the tool's centre, without --tool-radius-mm")])
+@pytest.mark.parametrize(("lost", "code"), [("workobject", "CS6051"), ("", "CS4513"), (None, "")])
+def test_normals_in_the_base_frame_need_the_work_object_too_for_places_on_the_surface(
+    passes: dict[str, Path], tmp_path: Path, lost: str | None, code: str, frame: str, way: str
+) -> None:
+    """Not stated, or turned by a table. Who has them in the base frame already is not told to give them in it."""
+    text = passes["cell"].read_text()
+    if lost:
+        text = "".join(line for line in text.splitlines(keepends=True) if lost not in line)
+    elif lost is not None:
+        text += "mechanical_units: [{name: T, carries: workobject, axes: [{eax: a, kind: rotary, direction: [0, 0, 1]}]}]\n"
+    passes["cell"].write_text(text)
+    normal = [1, 0, 0] if frame == "base" else [0, -1, 0]               # -y of the work object is x of the base
+    points = csv(tmp_path, "p.csv", "x_mm,y_mm,z_mm,dn_um,nx,ny,nz",
+                 np.array([[k / 2, 8, 0, 50 + k, *normal] for k in range(9)]))
+    result = verify(passes["cell"], points, points, "--predicted", passes["predicted"], "--frame", frame, "--json",
+                    "--tool-radius-mm", 8)
+    assert result.exit_code == (1 if code else 0), result.output
+    told = [one for one in json.loads(result.stdout)["findings"] if one["level"] == "error"]
+    assert [one["code"] for one in told] == [code] * bool(code)
+    assert all(way in one["hint"] for one in told)
+
+
 @pytest.mark.parametrize(("name", "options", "said"), [
     ("mirrored", (), "x with the other sign"), ("turned", (), "turned by 25 deg about"),
     ("before", ("--frame", "workobject"), "the base frame (--frame base)"),
@@ -575,6 +602,23 @@ def test_readings_along_other_axes_are_told_and_no_scale_is_advised(
     assert [said in message for message in told] == ([True] if said else [])
     if said:
         assert document["result"]["predicted"]["advised_scale"] is None
+
+
+@pytest.mark.parametrize(("count", "said"), [(11, False), (12, True)])
+def test_other_axes_are_told_from_twelve_places_on_with_what_they_would_leave(
+    passes: dict[str, Path], tmp_path: Path, count: int, said: bool
+) -> None:
+    """Both by the best multiple, beside a constant."""
+    rows, told = (np.loadtxt(passes[name], delimiter=",", skiprows=1)[20:20 + count] for name in ("before", "predicted"))
+    mirrored = csv(tmp_path, "m.csv", "target,dx_um,dy_um,dz_um", rows * [1, 1, -1, 1])
+    result = verify(passes["cell"], mirrored, mirrored, "--predicted", passes["predicted"], "--json")
+    found = [one["message"] for one in json.loads(result.stdout)["findings"] if one["code"] == "CS6050"]
+    left = []
+    for turned in (1, -1):
+        off, p = ((part - part.mean(axis=0)).ravel() for part in (rows[:, 1:] * [1, -1, 1], told[:, 4:] * [1, turned, 1]))
+        left.append(np.sqrt(np.mean((off - (off @ p) / (p @ p) * p) ** 2)))
+    assert found == [f"the readings are off as is predicted, but along other axes: y with the other sign, which would leave "
+                     f"{left[1]:.1f} um in place of {left[0]:.1f}"] * said
 
 
 @pytest.mark.parametrize(("factor", "said"), [(1.08, False), (1.25, True)])
@@ -602,10 +646,146 @@ def test_exit_codes_of_the_answer(passes: dict[str, Path], tmp_path: Path) -> No
     assert report.exists()
     document = json.loads(verify(*files, "--tolerance-um", 60, "--json").stdout)
     assert (document["status"], document["result"]["within_tolerance"]) == ("refused", False)
+    assert "CS6027" not in refused.stderr
     exchanged = verify(passes["cell"], passes["after"], passes["before"])
     assert exchanged.exit_code == 0
     assert "CS6027" in exchanged.stderr
     assert "became larger" in exchanged.stdout
+
+
+def of_code(result: Result, code: str) -> list[dict[str, str]]:
+    return [finding for finding in json.loads(result.stdout)["findings"] if finding["code"] == code]
+
+
+@pytest.mark.parametrize(("worst", "said"), [
+    ((5, 12), "none"), ((40, 96), "none"), ((0, 13), "none"), ((5, 12.01), "1 of 4 readings"), ((0, 13.01), "1 of 4 readings")])
+def test_a_reading_of_just_the_tolerance_is_within_it(tmp_path: Path, worst: tuple[float, float], said: str) -> None:
+    """Of 5 and 12 um the size is 13. A reading that has no counterpart before counts, too."""
+    cell, limit = write_cell(tmp_path), 104 if worst[0] == 40 else 13
+    before = csv(tmp_path, "before.csv", "target,dx_um,dz_um", np.array([[k, 50 + k, 20] for k in range(3)]))
+    after = csv(tmp_path, "after.csv", "target,dx_um,dz_um", np.array([[0, 1, 2], [1, np.nan, -7], [2, 3, 4], [3, *worst]]))
+    result = verify(cell, before, after, "--tolerance-um", limit, "--json")
+    over = said != "none"
+    assert (result.exit_code, json.loads(result.stdout)["result"]["over_tolerance"]) == ((3, 1) if over else (0, 0))
+    assert [said in one["message"] and "the largest by 13.0 um" in one["message"] for one in of_code(result, "CS6026")] == [
+        True] * over
+
+
+@pytest.mark.parametrize(("rows", "over"), [
+    ([(0, 9), (1, 9), (1, -9), (2, 9)], 0), ([(0, 9), (1, 14), (1, -14), (2, 9)], 2), ([(0, 9), (1, 14), (1, 4), (2, 9)], 1)])
+def test_no_reading_hides_behind_another_of_its_target(tmp_path: Path, rows: list[tuple[int, float]], over: int) -> None:
+    """The tolerance of 10 um is asked of each; what is compared with the pass before are the means."""
+    cell, report = write_cell(tmp_path), tmp_path / "page.html"
+    before = csv(tmp_path, "before.csv", "target,dx_um", np.array([[k, 50 + k] for k in range(3)]))
+    after = csv(tmp_path, "after.csv", "target,dx_um", np.array(rows))
+    result = verify(cell, before, after, "--tolerance-um", 10, "--report", report, "--json")
+    found = json.loads(result.stdout)["result"]
+    assert (result.exit_code, found["over_tolerance"], found["within_tolerance"]) == (3 if over else 0, over, not over)
+    means = [np.mean([off for target, off in rows if target == k]) for k in range(3)]
+    assert found["after"]["rms_um"] == pytest.approx(np.sqrt(np.mean(np.square(means))))
+    assert [one["message"] for one in of_code(result, "CS6026")] == [
+        f"{over} of 4 readings deviate by more than the tolerance of 10 um, the largest by 14.0 um"] * bool(over)
+    page = re.sub(r"<[^>]+>", "", report.read_text()).replace("\xa0", " ")
+    assert (f"{over} of 4 readings exceed the tolerance of 10 µm, the worst at target 1." if over
+            else "All 4 readings are within 10 µm.") in page
+
+
+def test_a_reading_at_a_target_that_was_added_is_held_to_the_tolerance_too(tmp_path: Path) -> None:
+    """It has no counterpart in the pass before, and is part of the part."""
+    offsets = tmp_path / "offsets.csv"
+    offsets.write_text("target,dx_um,dy_um,dz_um,added\n" + "".join(
+        f"{k},{40 + k},{k * k},3,{'0.3 0.6' if k == 2 else ''}\n" for k in range(5)))
+    before = csv(tmp_path, "before.csv", "target,dx_um", np.array([[k, 40 + k] for k in range(5)]))
+    for worst, over in ((9, 0), (14, 1)):
+        after = csv(tmp_path, "after.csv", "target,dx_um", np.array([[k, worst if k == 3 else 5] for k in range(7)]))
+        result = verify(write_cell(tmp_path), before, after, "--predicted", offsets, "--tolerance-um", 10, "--json",
+                        "--report", tmp_path / "page.html", "--force")
+        assert (result.exit_code, len(of_code(result, "CS6037"))) == (3 if over else 0, 1)
+        assert [one["message"].partition(" deviate")[0] for one in of_code(result, "CS6026")] == ["1 of 7 readings"] * over
+        assert json.loads(result.stdout)["result"]["after"]["max_um"] == pytest.approx(5)
+        assert ("the worst at target 3." in re.sub(r"<[^>]+>", "", (tmp_path / "page.html").read_text())) == bool(over)
+
+
+@pytest.mark.parametrize(("after_um", "said"), [(30.0, False), (40.5, False), (45.0, True)])
+def test_a_pass_is_worse_where_chance_does_not_make_it_so(tmp_path: Path, after_um: float, said: bool) -> None:
+    """40 um before, of 120 readings whose sizes scatter by a third: 45 are worse, 40.5 may be chance. The sentence has both."""
+    rng, cell = np.random.default_rng(6027), write_cell(tmp_path)
+    header, each = "target,dx_um,sx_um,sy_um,sz_um", np.arange(120)
+
+    def measured(name: str, size: float) -> Path:
+        off = size * rng.choice([-1, 1], 120) * (1 + rng.permutation(np.linspace(-0.3, 0.3, 120)))
+        return csv(tmp_path, name, header, np.column_stack([each, off, np.ones((120, 3))]))
+
+    before, after = measured("before.csv", 40.0), measured("after.csv", after_um)
+    size = [np.sqrt(np.mean(np.loadtxt(file, delimiter=",", skiprows=1)[:, 1] ** 2)) for file in (before, after)]
+    told = of_code(verify(cell, before, after, "--json"), "CS6027")
+    assert [(one["message"], one["file"]) for one in told] == [
+        (f"the deviation grew from {size[0]:.1f} to {size[1]:.1f} um RMS", str(after))] * said
+
+
+@pytest.mark.parametrize(("share", "noise", "said"), [
+    (0.03, 0.02, False), (0.045, 0.02, False), (0.06, 0.02, True), (0.06, 1.0, False)])
+def test_a_constant_beside_the_predicted_is_told_from_a_twentieth_on(
+    tmp_path: Path, share: float, noise: float, said: bool
+) -> None:
+    """Of the RMS measured, along y; not one that the scatter may be. The numbers are those of least squares with a constant."""
+    rng, count = np.random.default_rng(6029), 300
+    at = np.arange(count)
+    told = np.column_stack([80 + 20 * np.sin(at / 5), 30 + 60 * np.cos(at / 7), 50 * np.sin(at / 3)])
+    rms = np.sqrt(np.mean(np.sum((1.3 * told) ** 2, axis=1)))
+    off = 1.3 * told + [0, share * rms, 0] + noise * rms * rng.normal(size=told.shape)
+    predicted, measured = (csv(tmp_path, name, "target,dx_um,dy_um,dz_um", np.column_stack([at, what]))
+                           for name, what in (("told.csv", told), ("off.csv", off)))
+    result = verify(write_cell(tmp_path), measured, measured, "--predicted", predicted, "--json")
+    found = of_code(result, "CS6029")
+    through = np.sum(told * off) / np.sum(told**2)
+    columns = np.column_stack([told.ravel(), np.tile(np.eye(3), (count, 1))])
+    beside, *constant = np.linalg.lstsq(columns, off.ravel(), rcond=None)[0]
+    assert [one["message"] for one in found] == [
+        f"a part of ({', '.join(f'{x:.0f}' for x in constant)}) um does not follow the force; with it the scale would be "
+        f"{beside:.3f} in place of {through:.3f}"] * said
+    assert not said or json.loads(result.stdout)["result"]["predicted"]["advised_scale"] is None
+
+
+@pytest.mark.parametrize(("count", "share", "refused"), [
+    (9, 0.05, False), (10, 0.05, True), (10, 0.11, False), (40, 0.095, True)])
+def test_readings_are_too_small_from_ten_numbers_and_under_a_tenth_of_their_sigma(
+    tmp_path: Path, count: int, share: float, refused: bool
+) -> None:
+    file = csv(tmp_path, "part.csv", "target,dn_um,sn_um", np.array([[k, share * 2 * (-1) ** k, 2] for k in range(count)]))
+    if not refused:
+        assert len(read_readings(file, read_cell(write_cell(tmp_path)))) == count
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read_readings(file, read_cell(write_cell(tmp_path)))
+    [found] = stopped.value.findings
+    assert (found.code, found.file) == ("CS6035", str(file))
+    assert found.message.startswith(f"all {count} deviations together are {share:.2g} times their own 1 sigma, RMS")
+
+
+@pytest.mark.parametrize(("numbers", "code", "kept"), [
+    ([0, 1], "", [0, 1]), ([0, 1, 2], "CS6038", [0, 1, 2]), ([2, 3], "CS6038", [2, 3]), ([1, 2, 4], "", [1, 2, 4]),
+    ([0, 2, 4, 5], "CS6037", [0, 2, 3]), ([1, 3, 6, 6], "CS6037", [1, 4])])
+def test_whose_numbers_readings_name_is_told_where_it_matters(
+    tmp_path: Path, numbers: list[int], code: str, kept: list[int]
+) -> None:
+    """Of five targets the corrected program has seven, two added before the third: up to 1 both count alike, up to 4 it may be
+    either's (the last of the planned ones is theirs), from 5 on it is the corrected one's: its 4, 5, 6 are the planned 2, 3, 4.
+    """
+    offsets = tmp_path / "offsets.csv"
+    offsets.write_text("target,dx_um,dy_um,dz_um,added\n" + "".join(
+        f"{k},{40 + k},{k * k},3,{'0.3 0.6' if k == 2 else ''}\n" for k in range(5)))
+    before = csv(tmp_path, "before.csv", "target,dx_um", np.array([[k, 40 + k] for k in range(5)]))
+    after = csv(tmp_path, "after.csv", "target,dx_um", np.array([[k, 10 + k] for k in numbers]))
+    found = verify_files(read_cell(write_cell(tmp_path)), before, after, offsets)
+    told = [one for one in found.findings if one.code in ("CS6037", "CS6038")]
+    assert [(one.code, one.file) for one in told] == [(code, str(after))] * bool(code)
+    assert found.after.place[:, 0].tolist() == kept
+    if code == "CS6038":
+        assert told[0].message == (f"names targets up to {max(numbers)}: taken as the planned program numbers them; the "
+                                   "corrected one has 2 more and numbers them otherwise from target 2 on")
+    elif code:
+        assert f"({sum(k in (2, 3) for k in numbers)} row at targets that were added left out)" in told[0].message
 
 
 @pytest.mark.parametrize(("header", "row", "code"), [
@@ -635,6 +815,23 @@ def test_a_reading_along_a_normal_has_the_mean_variance_of_the_cell_s_axes(passe
                      for names, row in (("dn_um,nx,ny,nz", [0, 5, 1, 0, 0]), ("dx_um,dy_um,dz_um", [0, 5, 6, 7])))
     np.testing.assert_allclose(1e6 * along, [[np.sqrt(7.0)]])
     np.testing.assert_allclose(1e6 * across, [[1.0, 2.0, 4.0]])
+
+
+@pytest.mark.parametrize(("noise", "header", "said"), [
+    ("4, 1, 1", "target,dx_um,dy_um,dz_um", "no column sx_um sy_um sz_um: {}, 4, 1, 1 um"),
+    ("2, 2, 2", "target,dx_um,dy_um,dz_um", "no column sx_um sy_um sz_um: {}, 2 um"),
+    ("4, 1, 1", "target,dn_um", "no column sn_um: {}, 2.45 um"),
+    ("4, 1, 1", "target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um", ""), ("4, 1, 1", "target,dn_um,sn_um", ""),
+    ("4, 1, 1", "target,dx_um,dy_um,dz_um,std_um", "")])
+def test_a_sigma_that_is_not_stated_is_the_cells_which_is_said_axis_by_axis(
+    tmp_path: Path, noise: str, header: str, said: str
+) -> None:
+    cell = write_cell(tmp_path, write_cell(tmp_path).read_text() + f"measurement: {{deflection_std_um: [{noise}]}}\n")
+    row = [40 + 7 * k for k in range(len(header.split(",")))]
+    found = [one for one in read_readings(csv(tmp_path, "p.csv", header, np.array([[0, *row[1:]]])), read_cell(cell)).findings
+             if one.code == "CS6025"]
+    text = said.format("1 sigma of a reading taken from the cell's measurement.deflection_std_um")
+    assert [(one.level, one.message) for one in found] == [("note", text)] * bool(said)
 
 
 @pytest.mark.parametrize(("header", "rows", "line"), [

@@ -98,11 +98,34 @@ def test_what_does_not_carry_the_robot_changes_nothing(
         f"[{value},9E9,9E9,9E9,9E9,9E9]" for value in values]
 
 
-def test_a_part_that_moves_under_a_fixed_work_object_is_warned_of(tmp_path: Path, plain: np.ndarray) -> None:
+@pytest.mark.parametrize(("last", "code", "how"), [
+    ("120", "CS4504", "drive the external axis eax_a of STN1 (from 100 to 120 mm)"),
+    ("100.001", "CS4504", "drive the external axis eax_a of STN1 (from 100 to 100.001 mm)"),
+    ("100.00005", "CS4503", "hold the external axis eax_a of STN1 (at 100 mm)")])
+def test_a_part_that_moves_under_a_fixed_work_object_is_warned_of(
+    tmp_path: Path, plain: np.ndarray, last: str, code: str, how: str
+) -> None:
+    """By more than a tenth of a micrometre; what a move in the air does does not count."""
     units = PART.replace("eax: a", "eax: a, direction: [1, 0, 0]")
-    job, said = corrected(tmp_path / "moved", ("90", "100", "120"), units, forces=TWO)
-    assert "from 100 to 120 mm" in said["CS4504"]
+    job, said = corrected(tmp_path / "moved", ("90", "100", last), units, forces=TWO)
+    assert said.keys() & {"CS4503", "CS4504"} == {code}
+    assert said[code].startswith(f"2 moves with force {how}")
     np.testing.assert_allclose(offsets(job)[1], plain[1], atol=1e-12)
+
+
+def test_a_part_that_stands_under_its_fixed_work_object_is_not_said_to_move_with_another(tmp_path: Path) -> None:
+    """One cut in a fixed work object, at 100 mm; the other, at 120 mm, in one that goes with the unit."""
+    going = kit.wobjdata(NONE, kit.USER @ kit.OBJECT, fixed="FALSE", unit="STN1").replace("wPart", "wUnit")
+    text = program(("90", "100", "120"), data=[kit.tooldata(), kit.wobjdata(), going])
+    lines = text.splitlines(keepends=True)
+    last = max(number for number, line in enumerate(lines) if "MoveL" in line)
+    lines[last] = lines[last].replace("wPart", "wUnit")
+    units = PART.replace("eax: a", "eax: a, direction: [1, 0, 0], zero_mm: 120")
+    done = Job(tmp_path, cell=kit.cell_text(extra=units), program="".join(lines), forces=FORCE + "2,0.5,0.1,-0.2\n").predict(
+        "--json")
+    said = {finding["code"]: finding["message"] for finding in done.json["findings"]}
+    assert "CS4504" not in said
+    assert said["CS4503"].startswith("1 move with force holds the external axis eax_a of STN1 (at 100 mm)")
 
 
 def test_a_track_at_its_zero_is_no_track(tmp_path: Path, plain: np.ndarray) -> None:
@@ -147,11 +170,18 @@ def test_work_objects_on_a_unit_of_which_the_cell_says_nothing(tmp_path: Path, u
     refused(Job(tmp_path, cell=kit.cell_text(extra=units), program=text, forces=FORCE), 3, file="part.mod", says=says)
 
 
-@pytest.mark.parametrize("forces", [FORCE, TWO], ids=["the only cut", "one of two cuts"])
-def test_synchronised_robots_are_refused(tmp_path: Path, forces: str) -> None:
-    text = kit.module([kit.move(T[0]), kit.move(T[1]).replace(",v50", "\\ID:=20,v50"), kit.move(T[2])])
-    document = refused(Job(tmp_path, program=text, forces=forces), 3, file="part.mod", says="MultiMove")
-    assert document["findings"][0]["code"] == "CS4505"
+@pytest.mark.parametrize(("forces", "which"), [(FORCE, 1), (TWO, 1), (FORCE, 2)], ids=["the only cut", "one of two", "none"])
+def test_synchronised_robots_are_refused(tmp_path: Path, forces: str, which: int) -> None:
+    """Where they cut; in the air they may."""
+    moves = [kit.move(text) for text in T]
+    moves[which] = moves[which].replace(",v50", "\\ID:=20,v50")
+    job = Job(tmp_path, program=kit.module(moves), forces=forces)
+    if which == 2:
+        done = job.correct("--json")
+        assert (done.code, "CS4505" in kit.codes(done)) == (0, False)
+        return
+    found = refused(job, 3, file="part.mod", says="MultiMove")["findings"][0]
+    assert (found["code"], found["target"], found["count"], found["line"]) == ("CS4505", 1, 1, 6)
 
 
 def test_an_offset_of_the_axes_leaves_the_move_as_it_is(tmp_path: Path) -> None:

@@ -190,7 +190,9 @@ def test_a_stated_cut_is_spent_less_on(job: MillingJob, log: Path, budget: Budge
     assert known["result"]["budget"]["causes"]["cut"]["share_of_tolerance"] < 0.5 * said["causes"]["cut"]["share_of_tolerance"]
 
 
-@pytest.mark.parametrize(("um", "said"), [(1.0, False), (30.0, False), (2000.0, False), (0.05, True), (50000.0, True)])
+@pytest.mark.parametrize(("um", "said"), [
+    (1.0, False), (30.0, False), (2000.0, False), (5000.0, False), (0.05, True), (0.99, True), (5001.0, True), (50000.0, True)])
 def test_a_tolerance_in_another_unit_is_said(um: float, said: bool) -> None:
-    """50 um in millimetres, and 50 mm."""
-    assert [one.code for one in said_of_tolerance(1e-6 * um, "part.mod")] == ["CS3206"] * said
+    """50 um in millimetres, and 50 mm: under 1 um and over 5 mm."""
+    assert [(one.code, one.level, one.file, one.message) for one in said_of_tolerance(1e-6 * um, "part.mod")] == [
+        ("CS3206", "warning", "part.mod", f"the tolerance is {um:g} um, {1e-3 * um:g} mm: robots mill to 1 to 5000 um")] * said

@@ -215,8 +215,14 @@ def test_beside_a_zone_no_target_is_added_and_it_is_said(tmp_path: Path) -> None
         return np.outer(np.exp(-((s - 120) / 6) ** 2), [50.0, 250.0, -90.0]) + np.array([5.0, 5.0, -5.0])
 
     job = LineJob(tmp_path, LINES, zone="z10", force_of=about_the_corner)
-    _, result, text = job.correct("path_mm")
-    assert "CS3092" in codes(result)
+    off, result, text = job.correct("path_mm")
+    (found,) = (one for one in result["findings"] if one["code"] == "CS3092")
+    assert (found["level"], found["file"]) == ("warning", str(tmp_path / "part.mod"))
+    told = re.search(r"up to ([\d.]+) um off the plan in 2 moves, more than the tolerance of 5 um", found["message"])
+    assert told
+    assert off.max() < float(told[1])           # that has what is along the path, too
+    assert "--tighten-zones" in found["hint"]
+    assert "CS3092" not in codes(job.correct("path_mm", "--tighten-zones")[1])
     mm = np.array([1e3 * target.p for target in kit.targets_of(text)])
     corner = 1e3 * job.poses[2].p
     from_corner = np.sort(np.linalg.norm(mm - corner, axis=1))

@@ -211,7 +211,8 @@ def test_posted_programs_hold_the_axes_where_they_are_parked(tmp_path: Path, for
     (tmp_path / "nowhere.yaml").write_text(kit.cell_text(extra=place + "mechanical_units:\n" + slide_yaml()))
     lost = kit.run("post", tmp_path / "nowhere.yaml", tmp_path / f"part.{form}", "-o", tmp_path / "lost.mod", *options)
     assert lost.code == 1
-    assert "CS4510" in lost.err
+    assert "nowhere.yaml: error CS4510: TRACK_1 carries the robot, and cell.yaml does not say where eax_a stands" in lost.err
+    assert "state parked_mm of eax a" in lost.err
 
 
 def test_a_soft_track_is_corrected_along_the_way(tmp_path: Path) -> None:

@@ -185,7 +185,11 @@ def test_where_no_part_was_measured_nothing_is_added(job: ErringJob, stiffness: 
     away.write_text(json.dumps(content))
     found = corrected(job, log, stiffness, away)
     width = content["remainder"]["amplitude_um"]
-    assert "CS5323" in [finding.code for finding in found.job.findings]
+    count = len(found.job.planned.targets)
+    assert [(one.level, one.message.partition(":")[0], f"width of {width:.0f} um stays" in one.message) for one in
+            found.job.findings if one.code == "CS5323"] == [
+        ("warning", f"{count} of {count} targets with force (100 %) stand where no measured part was", True)]
+    assert "CS5323" not in [finding.code for finding in corrected(job, log, stiffness, learned, "job").job.findings]
     assert found.job.as_dict()["learned_um"]["largest"] < 0.01 * width
     assert found.job.as_dict()["expected_left_um"]["learned"] > 1.7 * width
 
@@ -283,9 +287,12 @@ def test_what_does_not_belong_together_is_refused(job: ErringJob, stiffness: Pat
                        tmp_path / "d.csv", "--force", *options)
         return done.code, done.err
 
-    assert codes("--learned", learned)[0] == 0
+    for scale in ((), ("--scale", "1")):
+        code, said = codes("--learned", learned, *scale)
+        assert (code, "CS5324" in said) == (0, False)
     for wanted, exit_code, options in (
-            ("CS5324", 1, ("--learned", learned, "--scale", "1.1")), ("CS5320", 1, ("--learned", stiffness))):
+            ("CS5324", 1, ("--learned", learned, "--scale", "1.1")),
+            ("CS5324", 1, ("--learned", learned, "--scale", "1:0.1")), ("CS5320", 1, ("--learned", stiffness))):
         code, said = codes(*options)
         assert (code, wanted in said) == (exit_code, True), said
     other = job.springs("other.json", 0.5 * job.case.stiffness)

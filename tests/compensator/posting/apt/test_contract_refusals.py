@@ -62,6 +62,9 @@ HEAD = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/30,20,5\n"         # three lines
     ("RAPID/MODAL,ON", "CS2102", 4, 7, "RAPID alone"),
     ("GOHOME\nGOTO/1,2,3", "CS2102", 4, 1, "behind GOHOME"),
     ("CUTCOM/LEFT,1\nPAINT/PATH\nGOTO/1,2,3", "CS2103", 6, 1, r"CUTCOM/LEFT,1 \(line 4\)"),
+    ("CUTCOM\nGODLTA/1,2,3", "CS2103", 5, 1, r"while CUTCOM \(line 4\)"),
+    ("CUTCOM/RIGHT,XYPLAN,7\nCYCLE/DRILL,DEPTH,5,CLEAR,1\nGOTO/1,2,3", "CS2103", 6, 1, r"CUTCOM/RIGHT,XYPLAN,7 \(line 4\)"),
+    ("CUTCOM/OFF\nCUTCOM/LEFT\nCIRCLE/20,20,5,0,0,1,10\nGOTO/20,30,5", "CS2103", 7, 1, r"CUTCOM/LEFT \(line 5\)"),
     ("UNITS/FEET", "CS2105", 4, 7, "FEET"),
     ("FEDRAT/0,MMPM", "CS2107", 4, 8, "above zero"),
     ("FEDRAT/INVERS,AUTO", "CS2101", 4, 8, "INVERS"),
@@ -124,7 +127,8 @@ def test_files_without_a_path(tmp_path, data, code):
     assert caught.value.findings[0].line is not None
 
 
-@pytest.mark.parametrize("harmless", ["CUTCOM/OFF", "CYCLE/OFF", "TRACUT/NOMORE", "ORIGIN/0.0,0,0", "CUTCOM/ADJUST,1",
+@pytest.mark.parametrize("harmless", ["CUTCOM/OFF", "CUTCOM/LEFT,1\nCUTCOM/OFF", "CUTCOM/LENGTH,5", "CYCLE/OFF",
+                                      "TRACUT/NOMORE", "ORIGIN/0.0,0,0", "CUTCOM/ADJUST,1",
                                       "LOADTL/2", "CYCLE/INIT", "CSYS/1.,0,0,0,0,1.,0,0,0,0,1.,0", "TRNTYP/WORLD,0,0,0",
                                       "TLCOMP/OFF", "$$-> CSYS / 1, 0, 0, 0, 0, 1, 0, 0, $\n 0, 0, 1, 0"])
 def test_words_that_change_nothing_are_taken(tmp_path, harmless):

@@ -164,7 +164,21 @@ def test_a_helix_becomes_chords_within_two_micrometres(read, text, turned, end):
     np.testing.assert_allclose(height, 5 + (end - 5) * angle / angle[-1], atol=1e-9)
     sagitta = 10 * (1 - np.cos(np.diff(angle).max() / 2))
     assert sagitta <= 2.001e-3
-    assert "CS2115" in codes(path)
+    assert [one.message for one in path.findings if one.code == "CS2115"] == [
+        "1 arc became chords within 0.002 mm: a helix, a turning tool axis, or too small for MoveC"]
+
+
+@pytest.mark.parametrize(("arcs", "words", "circular"), [
+    ("", "", 0),
+    ("CIRCLE/20,20,5,0,0,1,10\nGOTO/20,10,5\n", "1 arc became MoveC of up to 120 degrees, at most 15.7 mm long", 3),
+    ("CIRCLE/20,20,5,0,0,1,10\nGOTO/10,20,5\nCIRCLE/20,20,5,0,0,1,10\nGOTO/20,10,5\n",
+     "2 arcs became MoveC of up to 120 degrees, at most 15.7 mm long", 3)])
+def test_what_became_of_arcs_is_told(read, arcs, words, circular):
+    """Three quarters of a circle of 10 mm, in one or in two arcs, are three of a quarter each: 15.7 mm."""
+    path = read(f"{HEAD}GOTO/30,20,5\n{arcs}")
+    assert (path.move == Move.ARC_VIA).sum() == circular
+    assert [(one.level, one.message.partition(";")[0]) for one in path.findings if one.code == "CS2115"] == [
+        ("note", words)] * bool(words)
 
 
 def test_an_arc_with_a_turning_tool_axis_becomes_chords(read):
