@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import compstiff
+from compensator.cutting import stock
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.materials import coefficients_of
 from identification.common.findings import CompstiffError, Finding
@@ -310,6 +311,24 @@ def test_a_stock_that_the_program_does_not_touch_is_told(tmp_path: Path, top: fl
     assert engaged.message.endswith("engagement: the program touches its stock nowhere") == said
     assert not of_code(findings, "CS4748")
     assert not of_code(findings, "CS4749")
+
+
+@pytest.mark.parametrize(("depths", "said"), [((597.0,), ""), ((597.0, 596.0), "layers of 306 x 85 points, expected at most")])
+def test_a_stock_whose_layers_take_too_much_memory_is_refused_with_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, depths: tuple[float, ...], said: str
+) -> None:
+    """150 by 40 mm at 0.5 mm, in a memory that holds two layers of it: what lies below the slot's level and what above. A
+    program that cuts at more levels needs more."""
+    monkeypatch.setattr(stock, "MOST_BYTES", 2.5 * 4 * 305 * 85)
+    program = job(tmp_path)
+    if len(depths) > 1:
+        program.write_text(program.read_text().replace("[[1080.0,0,597.0]", "[[1080.0,0,596.0]"))
+    if not said:
+        assert of_code(predicted(tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml"), "CS4706")
+        return
+    found = stopped_by(predicted, tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+    assert (found.code, found.file) == ("CS4704", str(tmp_path / "stock.yaml"))
+    assert said in found.message
 
 
 def test_a_program_that_cuts_nothing_of_its_stock_is_not_corrected(tmp_path: Path) -> None:
