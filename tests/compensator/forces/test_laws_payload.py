@@ -111,8 +111,8 @@ def test_an_orientation_counts_however_long_the_robot_waited_at_another_one(
     if orientations == 1:
         [stopped] = said["findings"]
         assert (code, stopped["code"]) == (1, "CS3034")
-        assert stopped["hint"].endswith("; 210 samples not used: between the orientations, or of one that has less than 10 % of "
-                                        "the samples of the longest")
+        assert stopped["hint"].endswith("; 210 samples not used: between the orientations, or of one that has less than 10 % "
+                                        "of the samples of the longest")
         return
     assert (code, said["result"]["orientations"]) == (0, 8), said
     assert abs(said["result"]["mass_kg"]["estimate"] - MASS) < 5 * said["result"]["mass_kg"]["std"]
@@ -380,7 +380,9 @@ def across(weight: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(("mass", "aside", "said"), [(5.0, 0.0, ""), (5.2, 0.0, "15 of 51 N"), (12.4, 0.14, "36 of 122 N"),
                                                      (12.4, 0.16, "")])
-def test_a_weight_is_taken_back_that_is_one_and_by_a_bias_along_it(tmp_path: Path, mass: float, aside: float, said: str) -> None:
+def test_a_weight_is_taken_back_that_is_one_and_by_a_bias_along_it(
+    tmp_path: Path, mass: float, aside: float, said: str
+) -> None:
     """Seven tenths of it; less than 50 N, or more than 0.15 of it to the side, may be any sensor's own zero."""
     found = [one for one in weighed(tmp_path, mass, lambda weight: 0.3 * weight + aside * across(weight))
              if one.code == "CS3130"]
@@ -442,7 +444,8 @@ def test_air_stretches_that_say_nothing_or_contradict_are_said(tmp_path) -> None
 
 
 @pytest.mark.parametrize(("mass", "share", "noise", "said"), [
-    (MASS, 0.9, 0.02, False), (MASS, 1.1, 0.02, True), (0.3, 0.0, 3.0, False), (0.3, 3.0, 0.02, True), (MASS, 0.0, 0.02, False)])
+    (MASS, 0.9, 0.02, False), (MASS, 1.1, 0.02, True), (0.3, 0.0, 3.0, False), (0.3, 3.0, 0.02, True),
+    (MASS, 0.0, 0.02, False)])
 def test_stretches_of_air_that_another_mass_would_make_alike_are_said(
     tmp_path: Path, mass: float, share: float, noise: float, said: bool
 ) -> None:
@@ -459,8 +462,8 @@ def test_stretches_of_air_that_another_mass_would_make_alike_are_said(
     found = [one for one in place_forces(replace(log, force=logged, plain=logged, moment=0 * logged, has_moment=False), plan,
                                          plan.cell, tare=stretches, trust_tare=True).findings if one.code == "CS3046"]
     assert [(one.level, one.file) for one in found] == ([("warning", str(tmp_path / "forces.csv"))] if said else [])
-    assert all(one.message == f"with a payload of {mass:g} kg taken off, the stretches of --tare differ from their mean by up to "
-               f"{share * 0.1 * mass * 9.80665:.1f} N" for one in found)
+    assert all(one.message == f"with a payload of {mass:g} kg taken off, the stretches of --tare differ from their mean by up "
+               f"to {share * 0.1 * mass * 9.80665:.1f} N" for one in found)
 
 
 def test_a_log_that_holds_no_weight_is_not_made_to_hold_one(tmp_path) -> None:

@@ -119,7 +119,11 @@ def test_a_tare_in_a_cut_of_one_of_them_is_named(path: RobotPath, tmp_path: Path
         findings = list(compared(*two(path, tmp_path, 3, biased), path))
     except Refused as refused:
         findings = list(refused.findings)
-    assert "CS3113" in {finding.code for finding in findings}
+    [said] = [finding for finding in findings if finding.code == "CS3113"]
+    assert (said.level, said.file) == ("error" if constant == 400 else "warning", str(tmp_path / "two.csv"))
+    less = re.search(r"a constant of (-?\d+) (-?\d+) (-?\d+) N less in one of them", said.message)
+    assert less is not None
+    np.testing.assert_allclose([float(one) for one in less.groups()], [0, constant, 0], atol=25)
 
 
 def test_targets_that_differ_are_told(path: RobotPath, tmp_path: Path) -> None:
