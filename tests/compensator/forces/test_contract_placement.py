@@ -503,8 +503,8 @@ def test_a_force_that_is_taken_for_none_is_told(
     if tare is not None:
         assert [(one.level, one.file, one.line, one.target) for one in found] == ([("note", "m.mod", 5, 2)] if said else [])
         assert all(one.message.startswith("1 target with a mean force") for one in found)
-    assert all(one.message.endswith(f"with a mean force {said or 'that is not told apart from zero'} (5 sigma) taken as without "
-                                    "force") for one in found)
+    words = f"with a mean force {said or 'that is not told apart from zero'} (5 sigma) taken as without force"
+    assert all(one.message.endswith(words) for one in found)
     assert forces.forced.tolist() == [False, False, bool(force) and not said, False, False]
     assert forces.wrench[2, 1] == pytest.approx(0.0 if said else force, abs=1e-6)
 
@@ -561,8 +561,8 @@ def test_a_log_by_path_length_counts_from_a_move_to_joint_angles_or_from_the_fir
     assert [(one.level, one.file) for one in found] == ([("warning", str(tmp_path / "forces.csv"))] if said else [])
     taken = (", where neither count ends: it is taken as counted from the MoveAbsJ on" if begins else
              ": it is taken as counted from the robtarget on")
-    assert all(one.message == f"the program begins with a MoveAbsJ, {lead:.1f} mm from the first robtarget, and path_mm ends at "
-               f"{rows[-1, 0]:.1f} mm{taken}" for one in found)
+    assert all(one.message == f"the program begins with a MoveAbsJ, {lead:.1f} mm from the first robtarget, and path_mm ends "
+               f"at {rows[-1, 0]:.1f} mm{taken}" for one in found)
     assert np.flatnonzero(forces.wrench[:, 1] > 99).tolist() == [1 + i for i in range(10, 31) if 10 * i <= end]
 
 

@@ -40,8 +40,8 @@ def test_a_mirrored_part_is_told_where_the_path_turns(jobs: list) -> None:
 
 
 @pytest.mark.parametrize(("degrees", "over", "stray", "said"), [
-    (80.5, True, 0.0, None), (85, True, 0.0, "45 % of the force keeps its direction against the feed; on the path of the mirrored "
-                            "part it would be 100 %"),
+    (80.5, True, 0.0, None), (85, True, 0.0, "45 % of the force keeps its direction against the feed; on the path of the "
+                              "mirrored part it would be 100 %"),
     (180, True, 0.0, "path turns, 0 % of the force"), (180, False, 0.0, None),
     (180, True, 1.1, "it would be 45 %"), (180, True, 1.3, None)])
 def test_placed_forces_say_that_one_axis_is_turned_over(
