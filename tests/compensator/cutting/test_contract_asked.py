@@ -14,7 +14,7 @@ import compstiff
 from compensator.cutting import stock
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.materials import coefficients_of
-from identification.common.findings import CompstiffError, Finding
+from identification.common.findings import CompstiffError, Finding, Refused
 from identification.model.stiffness import IdentifiedModel
 from tests.compensator.cutting.milled import FLAT
 
@@ -271,6 +271,32 @@ def test_forces_from_the_stock_need_the_spindle_s_speed(tmp_path: Path, call: st
         assert ask(9000.0)
         job(tmp_path)
         assert ask(None)
+
+
+@pytest.mark.parametrize(("turns", "refused"), [("CLW", False), ("CCLW", True)])
+def test_a_file_that_turns_the_spindle_counterclockwise_gets_no_forces_from_its_stock(
+    tmp_path: Path, turns: str, refused: bool
+) -> None:
+    """The coefficients are those of a cutter that turns clockwise; the slot as APT, with the line that says how it turns."""
+    job(tmp_path, cell=f"{CELL}workobject: {{position_mm: [0, 0, 0], quaternion: [1, 0, 0, 0]}}\n")
+    points = "\n".join(f"GOTO/{x},0,597,0,0,1" for x in SLOT)
+    (tmp_path / "slot.apt").write_text(f"UNITS/MM\nMULTAX/ON\nSPINDL/9000,RPM,{turns}\nRAPID\nGOTO/960,0,597,0,0,1\n"
+                                       f"FEDRAT/1080,MMPM\n{points}\nRAPID\nGOTO/1100,0,640,0,0,1\nFINI\n")
+
+    def ask() -> tuple[Finding, ...]:
+        cell = compstiff.read_cell(tmp_path / "cell.yaml")
+        settings = compstiff.Settings.of(predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+        program = compstiff.read_toolpath(tmp_path / "slot.apt", cell)
+        return compstiff.predict(cell, program, stiff(cell), None, settings).findings
+
+    if not refused:
+        assert of_code(ask(), "CS4706")
+        return
+    with pytest.raises(Refused) as stopped:
+        ask()
+    (found,) = of_code(stopped.value.findings, "CS4744")
+    assert (found.level, found.file, found.line) == ("error", str(tmp_path / "slot.apt"), 3)
+    assert "--forces, without --stock" in found.hint
 
 
 @pytest.mark.parametrize(("cell", "feeds", "file", "words"), [
