@@ -64,7 +64,7 @@ def test_by_target(tmp_path) -> None:
 
 @pytest.mark.parametrize(("header", "step", "lost", "said"), [
     ("path_mm", 0.1, (12.0, 18.5), ["6 mm"]), ("x_mm,y_mm,z_mm", 0.1, (12.0, 18.5), ["6 mm"]),
-    ("path_mm", 0.1, (12.0, 15.0), []), ("path_mm", 0.1, (27.0, 33.5), []),
+    ("path_mm", 0.1, (12.0, 17.2), ["5 mm"]), ("path_mm", 0.1, (12.0, 16.8), []), ("path_mm", 0.1, (27.0, 33.5), []),
     ("path_mm", 2.0, (12.1, 17.9), []), ("path_mm", 0.1, (99.0, 99.0), [])])
 def test_a_stretch_of_a_cut_without_a_sample_is_told(
     tmp_path, header: str, step: float, lost: tuple[float, float], said: list[str]
@@ -77,6 +77,28 @@ def test_a_stretch_of_a_cut_without_a_sample_is_told(
     found = [one for one in place(tmp_path, log_text(f"{header},fx_n,fy_n,fz_n", rows)).findings if one.code == "CS3134"]
     assert [f"leaves out {words}" in one.message for one, words in zip(found, said, strict=True)] == [True] * len(said)
     assert all(one.target == 2 for one in found)
+
+
+@pytest.mark.parametrize(("feed", "loaded", "lost", "said"), [
+    ("v100", (0, 40), (12.0, 18.5), True), ("v500", (0, 40), (12.0, 18.5), False), ("v100", (26, 40), (12.0, 18.5), False),
+    ("v100", (18.5, 40), (12.0, 18.5), True), ("v100", (0, 40), (12.0, 26.0), False)])
+def test_what_is_left_out_of_the_air_or_with_a_whole_target_is_not_told(
+    tmp_path: Path, feed: str, loaded: tuple[float, float], lost: tuple[float, float], said: bool
+) -> None:
+    """The third move at a feed of its own, a force over so much of the path, a part of which has no sample: in the air, between
+    targets without force, or around a target, which is told as one without a sample."""
+    moves = "\n".join(f"MoveL [[{1000 + 10 * i},0,700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],"
+                      f"[9E9,9E9,9E9,9E9,9E9,9E9]],{feed if i == 2 else 'v100'},fine,tSpindle;" for i in range(5))
+    (tmp_path / "cell.yaml").write_text(CELL)
+    path = robot_path(read_rapid(f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath,
+                      read_cell(tmp_path / "cell.yaml"))
+    way = np.arange(0, 40.001, 0.1)
+    way = way[(way <= lost[0]) | (way >= lost[1])]
+    force = np.outer((way >= loaded[0]) & (way <= loaded[1]), [30.0, -20, 5])
+    (tmp_path / "forces.csv").write_text(log_text("path_mm,fx_n,fy_n,fz_n", np.column_stack([way, force])))
+    found = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell).findings
+    assert [(one.level, one.target, one.line) for one in found if one.code == "CS3134"] == [("warning", 2, 5)] * said
+    assert bool({"CS3012", "CS3014"} & {one.code for one in found}) == (lost[1] > 25)
 
 
 def test_a_cut_that_is_not_in_the_log_is_a_warning(tmp_path) -> None:
