@@ -125,8 +125,8 @@ def _displaced(a: Array, b: Array, length: Array) -> Reading:
         moved = np.column_stack([np.interp(at[inside], length[order], axis[order]) for axis in a.T])
         left.append(_scaled(moved, b[inside])[1] if inside.sum() >= FEWEST else np.inf)
     best = int(np.argmin(left))
-    return Reading("CS3112", f"{'the first' if tried[best] < 0 else 'the second'} placed {1e3 * abs(tried[best]):.0f} mm further along "
-                   "the path", float(left[best]),
+    which = "the first" if tried[best] < 0 else "the second"
+    return Reading("CS3112", f"{which} placed {1e3 * abs(tried[best]):.0f} mm further along the path", float(left[best]),
                    "are the clocks right, and do both logs begin where the program does? Log the target number or the position")
 
 
