@@ -89,6 +89,26 @@ def test_what_makes_stretches_left_out_surely_worse_is_refused(learned: float, b
     assert f"{learned:.1f} um are left, 40.0 um without learning" in finding.message
 
 
+@pytest.mark.parametrize("worse", [1.1, 1.0])
+def test_a_part_that_teaches_the_wrong_thing_teaches_nothing(
+    tracks: TwoTracks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, worse: float
+) -> None:
+    """Eight stretches off to one side and the other in turn: surely a little worse where they were left out, which by less than
+    a tenth is let pass."""
+    monkeypatch.setattr(refusals, "WORSE", worse)
+    side = np.where(8 * np.arange(len(tracks.off)) // len(tracks.off) % 2, -10.0, 10.0)
+    points = tracks.measured(tmp_path / "points.csv", THIRD, tracks.off + side[:, None] * [0, 1, 0])
+    if worse > 1:
+        tried = tracks.learn(points).held_out
+        assert tried is not None
+        assert tried.better < -2
+        assert tried.known < tried.learned < 1.1 * tried.known
+        return
+    with pytest.raises(Refused) as stopped:
+        tracks.learn(points)
+    assert (stopped.value.findings[0].code, stopped.value.findings[0].file) == ("CS5312", str(points))
+
+
 @pytest.mark.parametrize(("remainder_um", "places", "refused"), [(49.9, 5, False), (50.1, 5, True), (400.0, 0, False)])
 def test_a_remainder_larger_than_what_physics_explains_is_refused(remainder_um: float, places: int, refused: bool) -> None:
     """Four terms that stand square to each other, of 10, 20, 40 and 20 um: together 50. Without places there is none."""
