@@ -305,7 +305,8 @@ def _turned_round(log: ForceLog, bias: Array, held: Array, mass: float | None) -
         where, hint = "pointing upwards", ("is force_log.sign right, and base_frame, if the robot hangs or stands on a wall? "
                                            "With the wrong sign the correction doubles the error.")
     else:
-        where, hint = f"{turned:.0f} degrees from plumb", "how does the sensor sit on the flange (force_log.sensor_quaternion)?"
+        where, hint = f"{turned:.0f} degrees from plumb", ("how does the sensor sit on the flange (force_log.frame, "
+                                                           "sensor_quaternion)?")
     return [Finding("CS3131", "warning", f"the log shows the weight of {mass:g} kg {where}: {np.linalg.norm(shown):.0f} N of "
                     f"{heavy:.0f}, and a bias of {np.linalg.norm(bias):.0f} N would have to make up for it", file=log.source,
                     hint=f"{hint} Only a sensor whose own zero is that far off would show the same")]
