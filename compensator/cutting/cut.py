@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from compensator.cutting.chips import SHEAR
 from compensator.cutting.cutter import Cutter, cutter_of, said_of_cutter
 from compensator.cutting.removal import Engagement, mill_through
-from compensator.cutting.stock import Stock, more_layers
+from compensator.cutting.stock import Stock, made_of, more_layers
 from compensator.cutting.stock_file import Blank, read_stock
 from compensator.cutting.track import Track, in_object, refuse_other_objects, stock_object, track_of
 from compensator.path.driven_path import DrivenPath, driven_path
@@ -225,7 +225,8 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     if turned is not None:
         raise Refused(Finding("CS4744", "error", "the spindle turns counterclockwise, and the force coefficients are those of "
                               "a cutter that turns clockwise", file=turned.file, line=turned.line,
-                              hint="log a pass (--forces), or correct SPINDL in the CAM system"))
+                              hint="log a pass and correct by that alone (--forces, without --stock), or correct SPINDL in the "
+                              "CAM system"))
     cutter = cutter_of(cell, path.toolpath.cutters)
     speed = rpm or cell.force_log.form.spindle_rpm
     if not speed:
@@ -247,9 +248,10 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     levels = _heights(planned, sideways)
     # Where the edges end within the stock a layer ends, too.
     ends = levels + cutter.flute
-    made = blank.stock(np.concatenate([levels, ends[ends < blank.bounds[1, 2]]]), cutter.corner)
-    if off is not None:
-        made = more_layers(made, levels, _heights(track, sideways) - levels, YIELDED)
+    with made_of(blank.source):
+        made = blank.stock(np.concatenate([levels, ends[ends < blank.bounds[1, 2]]]), cutter.corner)
+        if off is not None:
+            made = more_layers(made, levels, _heights(track, sideways) - levels, YIELDED)
     engagement, left = mill_through(made, track, cutter, step)
     refuse_other_objects(run, number, track, engagement.cuts)
     if (track.start[:, 2] + cutter.flute < made.height[-1]).any():

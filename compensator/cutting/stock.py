@@ -7,13 +7,16 @@ below its middle: layers end at the levels of the program, where it has few.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
-from identification.common.findings import error
+from identification.common.findings import CompstiffError, counted, error
 
 Grid = NDArray[np.float32]
 # Bytes that the layers of one stock may take: a part of 1 m x 1 m at 0.5 mm in 128 layers. What a cutter leaves takes as much
@@ -74,11 +77,21 @@ def box_stock(low: Array, high: Array, height: Array, cell: float) -> Stock:
 
 
 def check_size(layers: int, ny: int, nx: int) -> None:
-    """Raises CompstiffError (CS4704) for a stock that is too large for the memory it may take."""
+    """Raises CompstiffError (CS4704), without its file, for a stock that is too large for the memory it may take."""
     if 4.0 * layers * ny * nx > MOST_BYTES:
-        raise error("CS4704", f"the stock would take {4e-9 * layers * ny * nx:.1f} GB: {layers} layers of {nx} x {ny} points, "
-                    f"expected at most {1e-9 * MOST_BYTES:.1f} GB",
-                    hint="a coarser resolution_mm, or a stock file of what is near this program alone")
+        raise error("CS4704", f"the stock would take {4e-9 * layers * ny * nx:.4g} GB: {counted(layers, 'layer')} of {nx} x "
+                    f"{ny} points, expected at most {1e-9 * MOST_BYTES:.3g} GB",
+                    hint="a coarser resolution_mm, of a stock that --leaves wrote in the file that it began with; or a stock "
+                    "file of what is near this program alone")
+
+
+@contextmanager
+def made_of(file: Path) -> Iterator[None]:
+    """What is raised inside without a file is of this one."""
+    try:
+        yield
+    except CompstiffError as stopped:
+        raise CompstiffError(*(replace(one, file=one.file or str(file)) for one in stopped.findings)) from stopped
 
 
 def layers_for(low: float, high: float, tips: Array, corner: float, thickness: float) -> Array:

@@ -4,7 +4,9 @@ leaves."""
 from __future__ import annotations
 
 import io
+import tokenize
 import zipfile
+import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -14,9 +16,9 @@ from pydantic import Field
 
 from compensator.cutting.sections import solid_stock
 from compensator.cutting.solid import Solid, read_solid
-from compensator.cutting.stock import Stock, box_stock, check_size, layers_for, relayered
+from compensator.cutting.stock import Stock, box_stock, check_size, layers_for, made_of, relayered
 from identification.common.arrays import Array
-from identification.common.findings import error
+from identification.common.findings import error, one_line
 from identification.common.yaml_source import NotNegative, Strict, Triple, read_yaml
 
 FORMAT, VERSION = "compstiff-stock", 1
@@ -28,6 +30,8 @@ THICKNESS = 0.1e-3
 POSITION_STD = 0.1e-3
 # Of the coordinates in an STL, which says none [m].
 UNITS = {"mm": 1e-3, "inch": 25.4e-3}
+# What NumPy raises of a file that is no archive of arrays, or one with a byte that is wrong.
+DAMAGED = (ValueError, TypeError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error, tokenize.TokenError)
 ARRAYS = ("origin_mm", "cell_mm", "height_mm", "inside_mm", "unknown_mm", "position_std_mm")
 
 
@@ -131,7 +135,8 @@ def read_stock(file: str | Path) -> Blank:
     box = None if described.box is None else _corners((described.box,), file, "box")[0]
     corners = box if solid is None else solid.bounds
     assert corners is not None
-    check_size(1, *(int(np.ceil(size / cell)) + 5 for size in (corners[1] - corners[0])[1::-1]))
+    with made_of(file):
+        check_size(1, *(int(np.ceil(size / cell)) + 5 for size in (corners[1] - corners[0])[1::-1]))
     return Blank(file, box, solid, None, unknown, cell, POSITION_STD if std is None else 1e-3 * std, stated)
 
 
@@ -171,8 +176,9 @@ def read_npz(file: Path) -> Stock:
             found = {key: content[key] for key in content.files if key in (*ARRAYS, "format", "version")}
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=name) from reason
-    except (ValueError, zipfile.BadZipFile, EOFError, KeyError) as reason:
-        raise error("CS4705", f"is no stock: {reason}", file=name, hint="name the file that --leaves wrote") from reason
+    except DAMAGED as reason:
+        raise error("CS4705", f"is no stock, or damaged: {one_line(str(reason))}", file=name,
+                    hint="name the file that --leaves wrote") from reason
     if str(found.get("format")) != FORMAT or str(found.get("version")) != str(VERSION) or any(
             key not in found or found[key].dtype.kind != "f" for key in ARRAYS):
         missing = [key for key in ("format", "version", *ARRAYS) if key not in found]
@@ -187,6 +193,7 @@ def read_npz(file: Path) -> Stock:
         raise error("CS4705", f"its arrays do not fit together: inside_mm {inside.shape}, height_mm {height.shape}, origin_mm "
                     f"{found['origin_mm'].shape}", file=name, hint="(layers, ny, nx), (layers + 1,), (2,), heights ascending, "
                     "all finite")
-    check_size(*inside.shape)
+    with made_of(file):
+        check_size(*inside.shape)
     return Stock(1e-3 * found["origin_mm"], 1e-3 * float(found["cell_mm"]), 1e-3 * height,
                  (1e-3 * inside).astype(np.float32), 1e-3 * found["unknown_mm"], 1e-3 * float(found["position_std_mm"]))

@@ -92,7 +92,8 @@ def _at_marks(log: ForceLog, path: RobotPath, edges: Array, at: Indices, target:
     """The log along a path whose targets `at` (k,), numbered in the text as `target`, are those of the edges (k,) [s]."""
     length, feed = path.length[at], path.toolpath.feed
     lasting = np.diff(edges)
-    programmed = np.array([np.nanmax(feed[a + 1:b + 1], initial=0.0) for a, b in pairwise(at.tolist())])
+    # A feed that is not known, of a move in the air as like as not, leaves open how fast it was.
+    programmed = np.array([np.max(feed[a + 1:b + 1], initial=0.0) for a, b in pairwise(at.tolist())])
     with np.errstate(divide="ignore"):
         faster = np.where(programmed > 0, np.diff(length) / lasting / np.where(programmed > 0, programmed, 1.0), 0.0)
     if len(faster) and faster.max() > FASTER:

@@ -21,8 +21,8 @@ from identification.model.kinematics import forward
 from identification.model.rotations import Frame
 
 # Readings whose joints differ by less than this [rad] from the first of their group are one orientation; a group of less than
-# this share of the largest one was logged on the way between two.
-SAME, FEW = 3e-4, 0.1
+# this share of the largest one was logged on the way between two, unless it stood so long [s].
+SAME, FEW, STOOD = 3e-4, 0.1, 1.0
 # So many rows are looked at for the end of a group, then twice as many each time.
 LOOKED_AT = 64
 # Noise of one sample of a sensor without contact [N], at most.
@@ -32,6 +32,7 @@ UNCERTAIN = 10.0
 # Where the force changes by so much from one orientation to the next [N], RMS, at most this share of it is no weight; and the
 # mass is within these shares of the one that cell.yaml states (engineering judgement: a tool has parts before its sensor).
 CHANGES, NO_WEIGHT, OF_STATED = 5.0, 0.25, (0.2, 1.25)
+BETWEEN = f"not used: between the orientations, or of one that has less than {100 * FEW:g} % of the samples of the longest"
 # What is said of a spindle that turns, and of a log without a break; here it stands still, and each orientation may be a log of
 # its own.
 OF_A_PASS = ("CS3025", "CS3027", "CS3028", "CS3035")
@@ -129,11 +130,10 @@ def still_payload(log: ForceLog, cell: Cell) -> Stills:
         flange_from_log = form.flange_from_sensor
     base_from_log = forward(cell.robot, readings.theta, Frame.identity()) @ flange_from_log
     fall = base_from_log.inverse().turn(fall_in_base(cell.world_from_base))
-    payload = _payload(fall, readings.load, log)
+    payload = _payload(fall, readings, log)
     findings = [finding for finding in log.findings if finding.code not in OF_A_PASS]
     if readings.between:
-        findings.append(Finding("CS3038", "note", f"{counted(readings.between, 'sample')} between the orientations not used",
-                                file=log.source))
+        findings.append(Finding("CS3038", "note", f"{counted(readings.between, 'sample')} {BETWEEN}", file=log.source))
     doubts = _doubts(payload, readings, log)
     if all(doubt.code == "CS3044" for doubt in doubts):     # of the centre alone, which says nothing of the forces
         doubts += said_of_pull(payload, fall, readings.theta, readings.load, log.source)
@@ -176,11 +176,15 @@ class _StillReadings:
 def _still_readings(log: ForceLog, sign: float) -> _StillReadings:
     group = _groups(log.place)
     samples = np.bincount(group, log.weight)
-    kept = np.flatnonzero(samples >= FEW * samples.max())
+    edges = np.searchsorted(group, np.arange(len(samples) + 1))
+    still = samples >= FEW * samples.max()
+    if log.time is not None:
+        still |= log.time[edges[1:] - 1] - log.time[edges[:-1]] >= STOOD
+    kept = np.flatnonzero(still)
     loads = sign * np.concatenate([log.force, log.moment], axis=1)
     theta, means, scatter = [], [], []
     for number in kept:
-        rows = slice(*np.searchsorted(group, [number, number + 1]))
+        rows = slice(*edges[number:number + 2])
         means.append(np.average(loads[rows], axis=0, weights=log.weight[rows]))
         theta.append(log.place[rows].mean(axis=0))
         square = np.average((loads[rows, :3] - means[-1][:3]) ** 2, axis=0, weights=log.weight[rows])
@@ -205,14 +209,16 @@ def _groups(theta: Array) -> NDArray[np.intp]:
     return np.cumsum(label)
 
 
-def _payload(fall: Array, load: Array, log: ForceLog) -> Payload:
-    """The estimate; fall (k, 3) [m/s^2] and load (k, 6) in the log's frame. Raises CompstiffError (CS3034, CS3042)."""
+def _payload(fall: Array, readings: _StillReadings, log: ForceLog) -> Payload:
+    """The estimate; fall (k, 3) [m/s^2] in the log's frame. Raises CompstiffError (CS3034, CS3042)."""
+    load = readings.load
     payload = estimate_payload(fall, load, has_moment=_has_moment(load, log))
     if payload is None:
         raise error("CS3034", f"{counted(len(load), 'orientation')} that {verb(len(load), 'turn')} the sensor "
                     f"against gravity by {np.degrees(turns(fall)[0]):.1f} deg (RMS) {verb(len(load), 'do')} not tell its "
                     f"payload from its bias; {np.degrees(TURN):.1f} deg are needed", file=log.source,
-                    hint="add still readings with the spindle tilted, best by 90 deg and to both sides")
+                    hint="add still readings with the spindle tilted, best by 90 deg and to both sides" + (
+                        f"; {counted(readings.between, 'sample')} {BETWEEN}" if readings.between else ""))
     if payload.negative:
         raise error("CS3042", f"the payload would be {payload.mass:.2f} kg: forces point up where they should point down",
                     file=log.source, hint="check force_log.sign and the sensor's frame in cell.yaml")

@@ -125,7 +125,8 @@ def _displaced(a: Array, b: Array, length: Array) -> Reading:
         moved = np.column_stack([np.interp(at[inside], length[order], axis[order]) for axis in a.T])
         left.append(_scaled(moved, b[inside])[1] if inside.sum() >= FEWEST else np.inf)
     best = int(np.argmin(left))
-    return Reading("CS3112", f"one of them placed {1e3 * abs(tried[best]):.0f} mm further along the path", float(left[best]),
+    which = "the first" if tried[best] < 0 else "the second"
+    return Reading("CS3112", f"{which} placed {1e3 * abs(tried[best]):.0f} mm further along the path", float(left[best]),
                    "are the clocks right, and do both logs begin where the program does? Log the target number or the position")
 
 
@@ -135,7 +136,7 @@ def _more(a: Array, b: Array) -> Reading:
     factor = float(np.sum(deviation * b) / max(np.sum(deviation**2), 1e-300))
     constant = b.mean(axis=0) - factor * a.mean(axis=0)
     left = _left(b, factor * a + constant) if factor > 0 else np.inf
-    return Reading("CS3113", f"a constant of {' '.join(f'{x:.0f}' for x in constant)} N less in one of them (base frame)", left,
+    return Reading("CS3113", f"a constant of {' '.join(f'{x:.0f}' for x in constant)} N less in the second (base frame)", left,
                    "was the sensor zeroed under load, or does --tare name a cut in one of the logs?")
 
 

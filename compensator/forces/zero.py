@@ -36,6 +36,9 @@ UPWARDS = 150.0
 # A noise told by fewer degrees of freedom is not taken by them alone: by four it may be told three times too small. A bias that
 # is the mean of fewer samples is known badly, and said.
 FEW = 8
+# Stretches that differ from their mean by more than this share of the payload's weight, and than so many standard deviations of
+# theirs, contradict it.
+APART, CHANCE = 0.1, 4.0
 # A median of absolute values of a normal distribution, in sigmas.
 MEDIAN = 0.6745
 
@@ -43,18 +46,23 @@ MEDIAN = 0.6745
 @dataclass(frozen=True, eq=False)
 class Air:
     """Samples of air stretches. mean (k, 6) [N, N m] and fall (k, 3) [m/s^2] of each stretch, log frame; noise (6,) of one
-    sample as the mean of many shows it; samples: how many there are."""
+    sample as the mean of many shows it; each (k,): how many there are."""
 
     mean: Array
     fall: Array
     noise: Array
-    samples: float
+    each: Array
+
+    @property
+    def samples(self) -> float:
+        """So many samples of one stretch make as sure a mean as that of the stretches, each counting alike."""
+        return float(len(self.each) ** 2 / np.sum(1 / self.each))
 
 
 @dataclass(frozen=True, eq=False)
 class Zero:
     """offset (N, 6) as logged at each target without contact; bias (6,) in it, None where none is known; noise (6,) of one
-    sample, None without a tare; tared: the number of samples that the bias is the mean of."""
+    sample, None without a tare; tared: the bias is as sure as the mean of so many samples."""
 
     offset: Array
     bias: Array | None
@@ -149,8 +157,8 @@ def _air(
     neighbours included: from up to 32 consecutive batches; where those are few the scatter of the samples themselves, which
     such a correlation hides from, stands in for what is missing to FEW, and where they are few too, that of neighbours on the
     other moves in the air (N,)."""
-    means, falls, squares, degrees, scatter = [], [], np.zeros(6), 0, np.zeros(6)
-    rest, total = 0, 0.0
+    means, falls, each, squares, degrees, scatter = [], [], [], np.zeros(6), 0, np.zeros(6)
+    rest = 0
     for first, last in tare:
         if last >= len(fall):
             raise error("CS3006", f"--tare {first}:{last} names targets beyond the program, which has "
@@ -166,17 +174,18 @@ def _air(
         falls.append(np.average(fall[rows.target[inside]], axis=0, weights=samples))
         batches = np.array_split(np.arange(len(inside)), min(32, max(len(inside) // 4, 1)))
         scatter += samples @ (load - means[-1]) ** 2
-        rest, total = rest + len(inside) - 1, total + float(samples.sum())
+        each.append(float(samples.sum()))
+        rest += len(inside) - 1
         if len(batches) > 1:
-            each = np.array([np.average(load[batch], axis=0, weights=samples[batch]) for batch in batches])
-            squares += ((each - each.mean(axis=0)) ** 2).sum(axis=0) * samples.sum() / len(batches)
+            of_batch = np.array([np.average(load[batch], axis=0, weights=samples[batch]) for batch in batches])
+            squares += ((of_batch - of_batch.mean(axis=0)) ** 2).sum(axis=0) * samples.sum() / len(batches)
             degrees += len(batches) - 1
     beside = _beside(loads, rows, in_air) if rest < FEW else None
     if beside is not None:
         scatter, rest = scatter + (FEW - rest) * beside, FEW
     missing = max(FEW - degrees, 0)
     noise = np.sqrt((squares + missing * scatter / max(rest, 1)) / (degrees + missing))
-    return Air(np.array(means), np.array(falls), noise, total)
+    return Air(np.array(means), np.array(falls), noise, np.array(each))
 
 
 def _beside(loads: Array, rows: TargetRows, in_air: NDArray[np.bool_]) -> Array | None:
@@ -247,13 +256,18 @@ def _tared(
     where = ", ".join(f"{first} to {last}" for first, last in tare)
     known = Zero(bias, bias, air.noise, (), air.samples).own_std
     few = air.samples < FEW and known > 0
-    of = f"{counted(int(air.samples), 'sample')} of targets {where}, known to +-{two_sigma(known):.1f} N" if few else (
+    of = f"{counted(int(air.each.sum()), 'sample')} of targets {where}, known to +-{two_sigma(known):.1f} N" if few else (
         f"targets {where}")
+    short = int(np.argmin(air.each))
+    better = (f"leave targets {tare[short][0]} to {tare[short][1]} out, a stretch of {counted(int(air.each[short]), 'sample')} "
+              "that counts as much as each other one" if air.each.sum() >= FEW
+              else "name a longer stretch in the air with --tare, or several")
     findings = [Finding("CS3008", "warning" if few else "note", f"bias {_list(bias[:3], 2)} N, mean of {of}, was subtracted",
-                        file=log.source, hint="every force is off by what that is off by: name a longer stretch in the air "
-                        "with --tare, or several" if few else "")]
-    apart = float(np.linalg.norm(biases[:, :3] - bias[:3], axis=1).max())
-    if mass and apart > 0.1 * mass * FREE_FALL:
+                        file=log.source, hint=f"every force is off by what that is off by: {better}" if few else "")]
+    off = np.linalg.norm(biases[:, :3] - bias[:3], axis=1)
+    apart = float(off.max())
+    by_chance = CHANCE * np.linalg.norm(air.noise[:3]) * np.sqrt((1 - 2 / len(off)) / air.each + 1 / air.samples)
+    if mass and (off > np.maximum(APART * mass * FREE_FALL, by_chance)).any():
         findings.append(Finding("CS3046", "warning", f"with a payload of {mass:g} kg taken off, the stretches of --tare differ "
                                 f"from their mean by up to {apart:.1f} N", file=log.source,
                                 hint="is the mass right, and its weight still in the log (force_log.weight)?"))
@@ -273,7 +287,7 @@ def _taken_back(log: ForceLog, bias: Array, held: Array, mass: float | None) -> 
                  if abs((1 - share) * newton - 1) < SAME_UNIT), "")
     return [Finding("CS3130", "warning", f"the bias takes {100 * share:.0f} % of the weight of {mass:g} kg back: the log shows "
                     f"{(1 - share) * heavy:.0f} of {heavy:.0f} N{unit}", file=log.source,
-                    hint="are the forces in newtons, and is force_log.mass_kg what hangs on the sensor? A sensor that was "
+                    hint="are the forces in newtons, and is the payload's mass_kg what hangs on the sensor? A sensor that was "
                     "zeroed with the tool on takes all of it back")]
 
 
@@ -291,7 +305,8 @@ def _turned_round(log: ForceLog, bias: Array, held: Array, mass: float | None) -
         where, hint = "pointing upwards", ("is force_log.sign right, and base_frame, if the robot hangs or stands on a wall? "
                                            "With the wrong sign the correction doubles the error.")
     else:
-        where, hint = f"{turned:.0f} degrees from plumb", "how does the sensor sit on the flange (force_log.sensor_quaternion)?"
+        where, hint = f"{turned:.0f} degrees from plumb", ("how does the sensor sit on the flange (force_log.frame, "
+                                                           "sensor_quaternion)?")
     return [Finding("CS3131", "warning", f"the log shows the weight of {mass:g} kg {where}: {np.linalg.norm(shown):.0f} N of "
                     f"{heavy:.0f}, and a bias of {np.linalg.norm(bias):.0f} N would have to make up for it", file=log.source,
                     hint=f"{hint} Only a sensor whose own zero is that far off would show the same")]

@@ -163,11 +163,15 @@ class Learned:
             return
         apart = self.frame.base_from_object.inverse() @ path.base_from_object[targets]
         off = float(np.linalg.norm(apart.position, axis=1).max())
-        turned = float(np.abs(apart.rotation - np.eye(3)).max())
-        if off > SAME_OBJECT or turned > SAME_OBJECT:
+        # Of a turn by an angle a the matrix is off the unit by sqrt(8) sin(a / 2).
+        chord = np.linalg.norm(apart.rotation - np.eye(3), axis=(1, 2)) / np.sqrt(8.0)
+        turned = 2 * float(np.arcsin(np.minimum(chord, 1.0)).max())
+        found = [f"stands {1e3 * off:.3g} mm from where it was measured"] * (off > SAME_OBJECT) + [
+            f"is turned by {np.degrees(turned):.3g} deg against it"] * (turned > SAME_OBJECT)
+        if found:
             raise Refused(Finding(
-                "CS5322", "error", f"--repeats {repeats}, but the work object stands {1e3 * off:.3g} mm from where it was "
-                "measured, or turned: this is another set-up", file=path.toolpath.source,
+                "CS5322", "error", f"--repeats {repeats}, but the work object {' and '.join(found)}: this is another set-up",
+                file=path.toolpath.source,
                 hint="leave --repeats out: what the set-up took belongs to the set-up that was measured"))
 
 

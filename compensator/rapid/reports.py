@@ -273,7 +273,8 @@ def _forgotten_object(scan: Scan, tails: Tails, places: Places) -> list[Finding]
             and item.name not in used]
     if not len(poses) or not idle:
         return []
-    text = f"moves without \\WObj stand in wobj0, the world; no move uses {idle[0].name}, which the program declares"
+    text = ("moves without \\WObj stand in wobj0, the world; no move uses "
+            f"{_as_written(places.source, idle[0].name)}, which the program declares")
     return [places.targets("CS2052", "warning", text, poses.tolist(), "add \\WObj to the moves if it is meant")]
 
 

@@ -11,9 +11,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import compstiff
+from compensator.cutting import stock
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.materials import coefficients_of
-from identification.common.findings import CompstiffError, Finding
+from identification.common.findings import CompstiffError, Finding, Refused
 from identification.model.stiffness import IdentifiedModel
 from tests.compensator.cutting.milled import FLAT
 
@@ -272,6 +273,32 @@ def test_forces_from_the_stock_need_the_spindle_s_speed(tmp_path: Path, call: st
         assert ask(None)
 
 
+@pytest.mark.parametrize(("turns", "refused"), [("CLW", False), ("CCLW", True)])
+def test_a_file_that_turns_the_spindle_counterclockwise_gets_no_forces_from_its_stock(
+    tmp_path: Path, turns: str, refused: bool
+) -> None:
+    """The coefficients are those of a cutter that turns clockwise; the slot as APT, with the line that says how it turns."""
+    job(tmp_path, cell=f"{CELL}workobject: {{position_mm: [0, 0, 0], quaternion: [1, 0, 0, 0]}}\n")
+    points = "\n".join(f"GOTO/{x},0,597,0,0,1" for x in SLOT)
+    (tmp_path / "slot.apt").write_text(f"UNITS/MM\nMULTAX/ON\nSPINDL/9000,RPM,{turns}\nRAPID\nGOTO/960,0,597,0,0,1\n"
+                                       f"FEDRAT/1080,MMPM\n{points}\nRAPID\nGOTO/1100,0,640,0,0,1\nFINI\n")
+
+    def ask() -> tuple[Finding, ...]:
+        cell = compstiff.read_cell(tmp_path / "cell.yaml")
+        settings = compstiff.Settings.of(predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+        program = compstiff.read_toolpath(tmp_path / "slot.apt", cell)
+        return compstiff.predict(cell, program, stiff(cell), None, settings).findings
+
+    if not refused:
+        assert of_code(ask(), "CS4706")
+        return
+    with pytest.raises(Refused) as stopped:
+        ask()
+    (found,) = of_code(stopped.value.findings, "CS4744")
+    assert (found.level, found.file, found.line) == ("error", str(tmp_path / "slot.apt"), 3)
+    assert "--forces, without --stock" in found.hint
+
+
 @pytest.mark.parametrize(("cell", "feeds", "file", "words"), [
     (CELL.replace(", material: aluminium", ""), (18.0,), "cell.yaml", "without a log the coefficients come from the table, and "
      "cutting.material is not stated"),
@@ -310,6 +337,24 @@ def test_a_stock_that_the_program_does_not_touch_is_told(tmp_path: Path, top: fl
     assert engaged.message.endswith("engagement: the program touches its stock nowhere") == said
     assert not of_code(findings, "CS4748")
     assert not of_code(findings, "CS4749")
+
+
+@pytest.mark.parametrize(("depths", "said"), [((597.0,), ""), ((597.0, 596.0), "layers of 306 x 85 points, expected at most")])
+def test_a_stock_whose_layers_take_too_much_memory_is_refused_with_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, depths: tuple[float, ...], said: str
+) -> None:
+    """150 by 40 mm at 0.5 mm, in a memory that holds two layers of it: what lies below the slot's level and what above. A
+    program that cuts at more levels needs more."""
+    monkeypatch.setattr(stock, "MOST_BYTES", 2.5 * 4 * 305 * 85)
+    program = job(tmp_path)
+    if len(depths) > 1:
+        program.write_text(program.read_text().replace("[[1080.0,0,597.0]", "[[1080.0,0,596.0]"))
+    if not said:
+        assert of_code(predicted(tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml"), "CS4706")
+        return
+    found = stopped_by(predicted, tmp_path, predict_force=told(tmp_path), stock=tmp_path / "stock.yaml")
+    assert (found.code, found.file) == ("CS4704", str(tmp_path / "stock.yaml"))
+    assert said in found.message
 
 
 def test_a_program_that_cuts_nothing_of_its_stock_is_not_corrected(tmp_path: Path) -> None:

@@ -56,6 +56,21 @@ def test_what_is_no_stock_is_refused(tmp_path: Path, text: str, code: str) -> No
     assert code_of(written(tmp_path, text)) == code
 
 
+@pytest.mark.parametrize(("width", "said"), [
+    (524.71, ""), (524.83, "the stock would take 2.1 GB: 1 layer of 26247 x 20005 points, expected at most 2.1 GB"),
+    (5247.99, "the stock would take 21 GB: 1 layer of 262405 x 20005 points, expected at most 2.1 GB")])
+def test_a_stock_that_takes_too_much_memory_is_refused_with_its_file(tmp_path: Path, width: float, said: str) -> None:
+    """400 mm long, at 0.02 mm, two points more at either end: 2.1e9 bytes are 26243 by 20005 numbers of four."""
+    file = written(tmp_path, f"box: {{from_mm: [0, 0, -5], to_mm: [{width}, 399.99, 0]}}\nresolution_mm: 0.02\n")
+    if not said:
+        assert read_stock(file).cell == 0.02e-3
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read_stock(file)
+    [found] = stopped.value.findings
+    assert (found.code, found.level, found.message, found.file) == ("CS4704", "error", said, str(file))
+
+
 @pytest.mark.parametrize(("text", "words", "hint"), [
     ("left_by: earlier.npz\nresolution_mm: 0.2\n", "resolution_mm is stated, and a stock that was left has its own",
      "leave it out"),
@@ -112,6 +127,30 @@ def test_a_damaged_stock_is_refused(tmp_path: Path, broken: str) -> None:
         if broken == "missing":
             del arrays["origin_mm"]
         np.savez(file, **arrays)
+    assert code_of(file) == "CS4705"
+
+
+def test_a_stock_with_a_wrong_byte_is_refused_or_comes_back_whole(tmp_path: Path) -> None:
+    """Anywhere: of 250, of which most are in what is packed, none ends as a defect, and none is another stock."""
+    own = block((0.0, 0.0, -5.0), (10.0, 10.0, 0.0), ())
+    content, rng, file, refused = stock_npz(own), np.random.default_rng(3), tmp_path / "left.npz", 0
+    for _ in range(250):
+        damaged = bytearray(content)
+        damaged[rng.integers(len(damaged))] ^= int(rng.integers(1, 256))
+        file.write_bytes(damaged)
+        try:
+            back = read_npz(file)
+        except CompstiffError as stopped:
+            [found] = stopped.findings
+            assert found.code in ("CS4705", "CS0005")
+            assert found.file == str(file)
+            refused += 1
+            continue
+        np.testing.assert_allclose(back.inside, own.inside, rtol=1e-6)
+        np.testing.assert_allclose(back.height, own.height, rtol=1e-12)
+    assert refused > 125
+    with file.open("wb") as stream:      # an array alone, by the name of an archive
+        np.save(stream, np.zeros(3))
     assert code_of(file) == "CS4705"
 
 

@@ -220,3 +220,10 @@ def test_without_a_material_next_to_nothing_is_known_before(tmp_path: Path) -> N
     assert material is None
     assert [(one.code, one.level) for one in said] == [("CS4732", "note")]
     assert "not stated" in said[0].message
+    stated = read_cell(write_cell(tmp_path, CELL + "cutting: {material: steel}\n"))
+    mean, covariance, material, said = before(stated, 0.1e-3)
+    np.testing.assert_array_equal(mean, of_steel)
+    np.testing.assert_array_equal(covariance, as_known)
+    assert (material, [(one.code, one.level, one.file) for one in said]) == (
+        "steel", [("CS4732", "note", str(tmp_path / "cell.yaml"))])
+    assert said[0].message == "known before: the coefficients of steel by its specific cutting force, to about 40 %"

@@ -91,8 +91,19 @@ def test_counts_milliseconds_and_a_rate_alone(tmp_path) -> None:
     names = ["time_ms", "target", "fx_counts", "fy_counts", "fz_counts"]
     text = ",".join(names) + "\n" + "\n".join(lines([1e3 * TIME, TARGET, *counts.T], ",", ".")) + "\n"
     check(read(tmp_path / "a.csv", text, counts_per_n=1e4))
-    with pytest.raises(CompstiffError, match="CS3022.*counts"):
+    with pytest.raises(CompstiffError, match="CS3022: fx_counts fy_counts fz_counts are counts"):
         read(tmp_path / "a.csv", text)
+    # Of a newton metre, too.
+    moments = np.round(FORCE * 50)
+    text = ",".join([*names, "mx_counts", "my_counts", "mz_counts"]) + "\n" + "\n".join(
+        lines([1e3 * TIME, TARGET, *counts.T, *moments.T], ",", ".")) + "\n"
+    with pytest.raises(CompstiffError, match="CS3022: mx_counts my_counts mz_counts are counts") as stopped:
+        read(tmp_path / "a.csv", text, counts_per_n=1e4)
+    [said] = stopped.value.findings
+    assert (said.line, said.hint.partition(":")[0]) == (1, "state force_log.counts_per_nm")
+    both = read(tmp_path / "a.csv", text, counts_per_n=1e4, counts_per_nm=200)
+    check(both)
+    assert_allclose(both.moment, moments / 200, rtol=0, atol=1e-9)
     vibration = RNG.normal(0, 1, COUNT)
     text = "\n".join(lines([vibration, TARGET, *FORCE.T], "\t", ".")) + "\n"
     check(read(tmp_path / "b.csv", text, columns=["-", *NAMES[1:]], rate_hz=RATE))

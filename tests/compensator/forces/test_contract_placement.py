@@ -64,7 +64,7 @@ def test_by_target(tmp_path) -> None:
 
 @pytest.mark.parametrize(("header", "step", "lost", "said"), [
     ("path_mm", 0.1, (12.0, 18.5), ["6 mm"]), ("x_mm,y_mm,z_mm", 0.1, (12.0, 18.5), ["6 mm"]),
-    ("path_mm", 0.1, (12.0, 15.0), []), ("path_mm", 0.1, (27.0, 33.5), []),
+    ("path_mm", 0.1, (12.0, 17.2), ["5 mm"]), ("path_mm", 0.1, (12.0, 16.8), []), ("path_mm", 0.1, (27.0, 33.5), []),
     ("path_mm", 2.0, (12.1, 17.9), []), ("path_mm", 0.1, (99.0, 99.0), [])])
 def test_a_stretch_of_a_cut_without_a_sample_is_told(
     tmp_path, header: str, step: float, lost: tuple[float, float], said: list[str]
@@ -77,6 +77,28 @@ def test_a_stretch_of_a_cut_without_a_sample_is_told(
     found = [one for one in place(tmp_path, log_text(f"{header},fx_n,fy_n,fz_n", rows)).findings if one.code == "CS3134"]
     assert [f"leaves out {words}" in one.message for one, words in zip(found, said, strict=True)] == [True] * len(said)
     assert all(one.target == 2 for one in found)
+
+
+@pytest.mark.parametrize(("feed", "loaded", "lost", "said"), [
+    ("v100", (0, 40), (12.0, 18.5), True), ("v500", (0, 40), (12.0, 18.5), False), ("v100", (26, 40), (12.0, 18.5), False),
+    ("v100", (18.5, 40), (12.0, 18.5), True), ("v100", (0, 40), (12.0, 26.0), False)])
+def test_what_is_left_out_of_the_air_or_with_a_whole_target_is_not_told(
+    tmp_path: Path, feed: str, loaded: tuple[float, float], lost: tuple[float, float], said: bool
+) -> None:
+    """The third move at a feed of its own, a force over so much of the path, a part of which has no sample: in the air, between
+    targets without force, or around a target, which is told as one without a sample."""
+    moves = "\n".join(f"MoveL [[{1000 + 10 * i},0,700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],"
+                      f"[9E9,9E9,9E9,9E9,9E9,9E9]],{feed if i == 2 else 'v100'},fine,tSpindle;" for i in range(5))
+    (tmp_path / "cell.yaml").write_text(CELL)
+    path = robot_path(read_rapid(f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath,
+                      read_cell(tmp_path / "cell.yaml"))
+    way = np.arange(0, 40.001, 0.1)
+    way = way[(way <= lost[0]) | (way >= lost[1])]
+    force = np.outer((way >= loaded[0]) & (way <= loaded[1]), [30.0, -20, 5])
+    (tmp_path / "forces.csv").write_text(log_text("path_mm,fx_n,fy_n,fz_n", np.column_stack([way, force])))
+    found = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell).findings
+    assert [(one.level, one.target, one.line) for one in found if one.code == "CS3134"] == [("warning", 2, 5)] * said
+    assert bool({"CS3012", "CS3014"} & {one.code for one in found}) == (lost[1] > 25)
 
 
 def test_a_cut_that_is_not_in_the_log_is_a_warning(tmp_path) -> None:
@@ -197,7 +219,8 @@ def test_the_target_ahead_is_the_place_on_the_way(tmp_path) -> None:
     ("fx_n,fy_n,fz_n\n1,0,0\n", "CS3001", "no column says where"),
     ("time_s,fx_n,fy_n,fz_n\n0,1,0,0\n", "CS3063", "1 sample is too few"),
     ("time_s,fx_n,fy_n,fz_n\n" + "".join(f"{i},1,0,0\n" for i in range(200)), "CS3063", "never changes"),
-    ("time_s,fx_n,fy_n,fz_n\n" + "".join(f"{-i},{i},0,0\n" for i in range(200)), "CS3062", "before the one above it"),
+    ("time_s,fx_n,fy_n,fz_n\n" + "".join(f"{i if i < 150 else i - 1.5},{i},0,0\n" for i in range(200)), "CS3062",
+     "time_s 148.5 stands before the one above it, 149"),
     ("path_mm,fx_n,fy_n,fz_n\n900,1,0,0\n", "CS3005", "none of the 1 samples"),
     ("x_mm,y_mm,z_mm,fx_n,fy_n,fz_n\n0,0,0,1,0,0\n", "CS3005", "none of the 1 samples"),
 ])
@@ -407,8 +430,12 @@ def test_positions_that_come_late(tmp_path: Path) -> None:
     assert_allclose(here.wrench[1:4, 0], [20, 30, 40], atol=0.1)
     left_out = place(tmp_path, text)
     assert_allclose(left_out.wrench[1:4, 0], [23, 33, 43], atol=0.1)
-    with pytest.raises(CompstiffError, match="CS3121.*no time"):
+    with pytest.raises(CompstiffError, match="CS3121.*position_late_ms is 30 in cell.yaml, and the log has no time"):
         place(tmp_path, log_text("path_mm,fx_n,fy_n,fz_n", rows[:, 1:]), cell)
+    # As its hint says: at a rate that is stated it has.
+    timed = plan(tmp_path, cell.replace("ms: 30", "ms: 30, rate_hz: 1000"))
+    log = read_force_log(tmp_path / "forces.csv", timed.cell.force_log.form)
+    assert_allclose(place_forces(log, timed, timed.cell).wrench[:4, 0], here.wrench[:4, 0], atol=1e-6)
 
 
 @pytest.mark.parametrize(("rows_each", "share"), [(3, 0.05), (12, 0.01), pytest.param(40, 0.003, marks=pytest.mark.long)])
@@ -480,6 +507,30 @@ def test_a_short_gap_takes_what_lies_between_its_ends_and_says_so(
         assert step or not len(between) or off.max() < 8
 
 
+@pytest.mark.parametrize(("tare", "force", "said"), [
+    ((0, 1), 0.43, "within what the sensor shows in air"), ((0, 1), 0.55, ""), ((0, 1), 0.0, ""),
+    (None, 0.3, "that is not told apart from zero"), (None, 0.7, "")])
+def test_a_force_that_is_taken_for_none_is_told(
+    tmp_path: Path, tare: tuple[int, int] | None, force: float, said: str
+) -> None:
+    """Noise of 2 N in 500 samples of three targets: 5 sigma of a mean are 0.45 N, 3 of a zero by two of these 0.19, together
+    0.49. Without a tare each target is told from zero by its own scatter, of which 5 sigma are 0.45 N. The noise adds up to
+    nothing; targets without a sample are no matter."""
+    rng, rows = np.random.default_rng(1), []
+    for target in (0, 1, 2):
+        noise = rng.normal(0, 2.0, (500, 3))
+        rows += [[target, *row] for row in noise - noise.mean(axis=0) + [0, force if target == 2 else 0.0, 0]]
+    forces = place(tmp_path, log_text("target,fx_n,fy_n,fz_n", np.array(rows)), tare=tare, trust_tare=True)
+    found = [one for one in forces.findings if one.code == "CS3009"]
+    if tare is not None:
+        assert [(one.level, one.file, one.line, one.target) for one in found] == ([("note", "m.mod", 5, 2)] if said else [])
+        assert all(one.message.startswith("1 target with a mean force") for one in found)
+    words = f"with a mean force {said or 'that is not told apart from zero'} (5 sigma) taken as without force"
+    assert all(one.message.endswith(words) for one in found)
+    assert forces.forced.tolist() == [False, False, bool(force) and not said, False, False]
+    assert forces.wrench[2, 1] == pytest.approx(0.0 if said else force, abs=1e-6)
+
+
 def test_a_force_within_the_noise_is_said_to_be_none() -> None:
     """A log without moments, and forces along one axis alone, too; not where there was no sample, or nothing but zeros."""
     forces: Any = SimpleNamespace(samples=np.array([9, 9, 9, 0, 9]), forced=np.array([True, False, False, False, False]))
@@ -528,7 +579,12 @@ def test_a_log_by_path_length_counts_from_a_move_to_joint_angles_or_from_the_fir
     rows = np.column_stack([place - place[0], 0 * place, 100.0 * ((place > 94) & (place < 306)), 0 * place])
     (tmp_path / "forces.csv").write_text(log_text("path_mm,fx_n,fy_n,fz_n", rows))
     forces = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell)
-    assert ("CS3129" in [finding.code for finding in forces.findings]) is said
+    found = [one for one in forces.findings if one.code == "CS3129"]
+    assert [(one.level, one.file) for one in found] == ([("warning", str(tmp_path / "forces.csv"))] if said else [])
+    taken = (", where neither count ends: it is taken as counted from the MoveAbsJ on" if begins else
+             ": it is taken as counted from the robtarget on")
+    assert all(one.message == f"the program begins with a MoveAbsJ, {lead:.1f} mm from the first robtarget, and path_mm ends "
+               f"at {rows[-1, 0]:.1f} mm{taken}" for one in found)
     assert np.flatnonzero(forces.wrench[:, 1] > 99).tolist() == [1 + i for i in range(10, 31) if 10 * i <= end]
 
 

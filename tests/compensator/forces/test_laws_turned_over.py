@@ -39,6 +39,36 @@ def test_a_mirrored_part_is_told_where_the_path_turns(jobs: list) -> None:
     assert np.mean(told) > 0.6
 
 
+@pytest.mark.parametrize(("degrees", "over", "stray", "said"), [
+    (80.5, True, 0.0, None), (85, True, 0.0, "45 % of the force keeps its direction against the feed; on the path of the "
+                              "mirrored part it would be 100 %"),
+    (180, True, 0.0, "path turns, 0 % of the force"), (180, False, 0.0, None),
+    (180, True, 1.1, "it would be 45 %"), (180, True, 1.3, None)])
+def test_placed_forces_say_that_one_axis_is_turned_over(
+    tmp_path: Path, degrees: float, over: bool, stray: float, said: str | None
+) -> None:
+    """An arc that a lying spindle cuts, with a force that keeps to the feed and so many times as much that keeps to nothing.
+    With y turned over it stands by twice the turn t otherwise, so that (sin t / t)^2 of it follows. Told where t is over 81
+    degrees, so that its doubled angle is spread by three tenths, and where over four tenths follow the mirrored path."""
+    turn = np.radians(degrees)
+    angle = turn * np.arange(121) / 120
+    path_mm = 300 / turn * np.column_stack([np.sin(angle), 1 - np.cos(angle)]) + [0, 900]
+    (tmp_path / "cell.yaml").write_text(CELL)
+    cell = read_cell(tmp_path / "cell.yaml")
+    moves = "\n".join(f"MoveL [[1500,{y:.4f},{z:.4f}],[0.70710678,0,0.70710678,0],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],"
+                      "v100,fine,tSpindle;" for y, z in path_mm)
+    path = robot_path(read_rapid(f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath, cell)
+    feed = np.diff(path_mm, axis=0) / np.linalg.norm(np.diff(path_mm, axis=0), axis=1)[:, None]
+    force = np.zeros((121, 3))
+    force[1:, 1:] = -60 * feed + 80 * feed[:, ::-1] * [1, -1]
+    force[1:, 1] *= -1 if over else 1
+    force[1:, 1:] += 100 * stray * np.column_stack([np.cos(np.arange(120)), np.sin(np.arange(120))])
+    (tmp_path / "forces.csv").write_text(log_text("target,fx_n,fy_n,fz_n", np.column_stack([np.arange(121), force])))
+    found = [one for one in place_forces(read_force_log(tmp_path / "forces.csv"), path, cell).findings if one.code == "CS3125"]
+    assert [(one.level, one.file) for one in found] == ([("warning", str(tmp_path / "forces.csv"))] if said else [])
+    assert all(str(said) in one.message for one in found)
+
+
 def test_a_flat_end_mill_is_not_pushed_into_its_holder(jobs: list) -> None:
     told = []
     for path, force in jobs:

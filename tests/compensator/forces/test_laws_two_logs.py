@@ -97,15 +97,18 @@ def test_a_log_read_wrongly_is_refused_by_name(
     assert re.search(words, said.message)
 
 
+@pytest.mark.parametrize("second", [True, False])
 @pytest.mark.parametrize("seed", range(4))
-def test_a_log_displaced_along_the_path_is_named(path: RobotPath, tmp_path: Path, seed: int) -> None:
-    """By 12 mm, three targets."""
+def test_a_log_displaced_along_the_path_is_named(path: RobotPath, tmp_path: Path, seed: int, second: bool) -> None:
+    """By 12 mm, three targets, too far on: placed so much further the other one would be as far off."""
+    logs = two(path, tmp_path, seed, moved=12.0)
     try:
-        findings = list(compared(*two(path, tmp_path, seed, moved=12.0), path))
+        findings = list(compared(*(logs if second else logs[::-1]), path))
     except Refused as refused:
         findings = list(refused.findings)
     [said] = [finding for finding in findings if finding.code == "CS3112"]
     assert said.level in ("warning", "error")
+    assert f"{'the first' if second else 'the second'} placed" in said.message
     assert 8 < float(said.message.split("placed ")[1].split(" mm")[0]) < 16
 
 
@@ -119,7 +122,11 @@ def test_a_tare_in_a_cut_of_one_of_them_is_named(path: RobotPath, tmp_path: Path
         findings = list(compared(*two(path, tmp_path, 3, biased), path))
     except Refused as refused:
         findings = list(refused.findings)
-    assert "CS3113" in {finding.code for finding in findings}
+    [said] = [finding for finding in findings if finding.code == "CS3113"]
+    assert (said.level, said.file) == ("error" if constant == 400 else "warning", str(tmp_path / "two.csv"))
+    less = re.search(r"a constant of (-?\d+) (-?\d+) (-?\d+) N less in the second", said.message)
+    assert less is not None
+    np.testing.assert_allclose([float(one) for one in less.groups()], [0, constant, 0], atol=25)
 
 
 def test_targets_that_differ_are_told(path: RobotPath, tmp_path: Path) -> None:

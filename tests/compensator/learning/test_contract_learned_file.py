@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from compensator.learned.learned import DRIFT, SETUP, JobFrame, Learned
+from compensator.learned.learned import DRIFT, SETUP, JobFrame, Learned, Repeats
 from compensator.learned.learned_file import learned_json, read_learned
 from compensator.learned.remainder import Remainder
-from identification.common.findings import CompstiffError
+from identification.common.findings import CompstiffError, Refused
 from identification.model.cell import read_cell
 from identification.model.rotations import Frame
 from tests.support import write_cell
@@ -47,6 +50,32 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     assert (back.frame.radius, back.frame.duration) == pytest.approx((0.083, 412.0), rel=1e-12)
     assert (back.remainder.length, back.remainder.amplitude) == pytest.approx((0.14, 23e-6), rel=1e-12)
     assert (back.effects, back.told, back.source) == ((), {"motion": 1.2}, file)
+
+
+@pytest.mark.parametrize(("off_um", "turn_urad", "repeats", "said"), [
+    (9.9, 9.9, "job", ""), (10.1, 0, "setup", "stands 0.0101 mm from where it was measured"),
+    (0, 10.1, "job", "is turned by 0.000579 deg against it"), (2000, 0, "nothing", ""),
+    (2000, 52360, "job", "stands 2 mm from where it was measured and is turned by 3 deg against it")])
+def test_a_set_up_repeats_where_the_work_object_stands_as_it_did(
+    off_um: float, turn_urad: float, repeats: Repeats, said: str
+) -> None:
+    """To 10 um and 10 urad, about any axis, at each target that cuts."""
+    given = learned()
+    axis = np.array([2.0, -1, 2]) / 3
+    moved = Frame(Rotation.from_rotvec(1e-6 * turn_urad * axis).as_matrix(), 1e-6 * off_um * axis[::-1])
+    own, there = given.frame.base_from_object, given.frame.base_from_object @ moved
+    path: Any = SimpleNamespace(toolpath=SimpleNamespace(source="part.mod"), base_from_object=Frame(
+        np.array([own.rotation, there.rotation]), np.array([own.position, there.position])))
+    given.check_set_up(path, np.array([0]), repeats)
+    given.check_set_up(path, np.array([], dtype=np.intp), repeats)
+    if not said:
+        given.check_set_up(path, np.array([0, 1]), repeats)
+        return
+    with pytest.raises(Refused) as stopped:
+        given.check_set_up(path, np.array([0, 1]), repeats)
+    [found] = stopped.value.findings
+    assert (found.code, found.level, found.file) == ("CS5322", "error", "part.mod")
+    assert found.message == f"--repeats {repeats}, but the work object {said}: this is another set-up"
 
 
 def test_its_numbers_are_in_the_units_of_their_names(tmp_path: Path) -> None:

@@ -38,6 +38,10 @@ def test_components_and_their_sigma(folder: Path) -> None:
     assert np.allclose(1e3 * points.position, [[10, 20, -1], [11, 20, -1]])
 
 
+def test_a_deviation_of_just_under_two_centimetres_is_one(folder: Path) -> None:
+    assert np.allclose(1e6 * read(folder, "x_mm,y_mm,z_mm,dx_um\n1,2,3,4\n1,2,3,-19900\n").value, [4, -19900])
+
+
 @pytest.mark.parametrize("name", ["dn_um", "d_um"])
 def test_along_the_normal(folder: Path, name: str) -> None:
     points = read(folder, f"x_mm,y_mm,z_mm,nx,ny,nz,{name},target\n10,20,-1,0,0.6,0.8,12,\n11,20,-1,0,0,1,-4,7\n")
@@ -58,7 +62,8 @@ def test_along_the_normal(folder: Path, name: str) -> None:
     ("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,4,3\n1,2,3,4,0\n1,2,3,4,-1\n", "CS0203", 3, "std_um is 0"),
     ("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,4,3\n1,2,3,4,0.01\n1,2,3,4,-1.5\n", "CS0203", 4, "std_um is -1.5"),
     ("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,4,0.01\n1,2,3,4,0.002\n", "CS6036", 3, "std_um is 0.002"),
-    ("x_mm,y_mm,z_mm,dx_um\n1,2,3,4\n1,2,3,30000\n", "CS5301", 3, "30 mm"),
+    ("x_mm,y_mm,z_mm,dx_um\n1,2,3,4\n1,2,3,-20100\n", "CS5301", 3, "a deviation of 20.1 mm, expected under 20 mm"),
+    ("x_mm,y_mm,z_mm,nx,ny,nz,dn_um\n1,2,3,0,0,1,30000\n1,2,3,0,0,1,4\n", "CS5301", 2, "a deviation of 30 mm"),
     ("x_mm,y_mm,z_mm,dx_um,target\n1,2,3,4,1.5\n", "CS3004", 2, "1.5"),
     ("x_mm,y_mm,dx_um\n1,2,3\n", "CS0202", 1, "z_mm"),
     ("x_mm,y_mm,z_mm,dx_um\n1,2,3,four\n", "CS0203", 2, "four"),

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
+from compensator.learning.long_moves import said_of_long_moves
 from compensator.learning.measured_points import read_points
+from compensator.learning.normals_alone import said_of_normals
 from compensator.learning.path_places import STEP, PathPlaces, place_points
 from compensator.learning.rows import rows_of
 from identification.common.findings import CompstiffError, Finding
@@ -175,6 +179,45 @@ def test_points_of_a_program_that_cuts_in_two_work_objects_are_not_placed(
     [finding] = stopped.value.findings
     assert (finding.code, finding.file) == ("CS5304", str(two.inputs.toolpath))
     assert "several work objects" in finding.message
+
+
+@pytest.mark.parametrize(("long_mm", "on_long", "said"), [(20.1, 5, True), (19.9, 20, False), (20.1, 4, False)])
+def test_points_on_long_moves_are_told(tmp_path: Path, long_mm: float, on_long: int, said: bool) -> None:
+    """Over 20 mm, and a quarter of the points on such: of twenty, five."""
+    short = 20 - on_long
+    length = 1e-3 * np.cumsum([0, 10, long_mm, 19.0])
+    predicted: Any = SimpleNamespace(path=SimpleNamespace(length=length), targets=np.arange(4))
+    placed: Any = SimpleNamespace(before=np.repeat([1, 0, 2], [on_long, short // 2, short - short // 2]),
+                                  after=np.repeat([2, 1, 3], [on_long, short // 2, short - short // 2]))
+    found = said_of_long_moves(placed, predicted, "points.csv")
+    assert [(one.code, one.level, one.file) for one in found] == ([("CS5333", "warning", "points.csv")] if said else [])
+    assert all(one.message.startswith("5 of 20 points lie on moves of over 20 mm, ") for one in found)
+    placed.before = placed.after = np.array([], dtype=np.intp)
+    assert said_of_long_moves(placed, predicted, "points.csv") == []
+
+
+@pytest.mark.parametrize(("along", "across", "count", "std_um", "scale", "said"), [
+    (0.0, 1.0, 12, 2.0, 1.0, True), (0.0, 1.0, 11, 2.0, 1.0, False), (0.09, 1.0, 60, 2.0, 1.0, True),
+    (0.11, 1.0, 60, 2.0, 1.0, False), (0.15, 1.0, 60, 12.0, 1.0, True), (0.18, 1.0, 60, 12.0, 1.0, False),
+    (0.0, 0.52, 60, 2.0, 1.0, True), (0.0, 0.48, 60, 2.0, 1.0, False), (0.0, 1.0, 60, 35.0, 1.0, True),
+    (0.0, 1.0, 60, 37.5, 1.0, False), (0.0, 1.0, 60, 2.0, 0.19, True), (0.0, 1.0, 60, 2.0, 0.18, False)])
+def test_points_that_show_nothing_along_the_feed_alone_are_told(
+    tracks: TwoTracks, tmp_path: Path, along: float, across: float, count: int, std_um: float, scale: float, said: bool
+) -> None:
+    """Both tracks lie along x. What was read, as shares of what is predicted: under a tenth along the feed, or one and a half
+    sigmas of the readings, over a half across it; at twelve places and more; where 20 um are predicted along it (108 in the
+    middle times `scale`), and three sigmas."""
+    off = scale * tracks.off[:count]
+    table = np.column_stack([tracks.place[:count], off * [along, across, across], np.full(count, std_um)])
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,std_um", table),
+                         read_cell(tracks.inputs.cell))
+    rows = rows_of(points, place_points(points, tracks.predicted, 0.0, 1e-3), tracks.predicted)
+    expected = scale * rows.seen(tracks.predicted.prediction.position)[:, 0]
+    found = said_of_normals(rows, rows.value, expected, tracks.predicted, "p.csv")
+    assert [(one.code, one.level, one.file) for one in found] == ([("CS5332", "warning", "p.csv")] if said else [])
+    size, wide = np.median(np.abs(off[:, 0])), np.median(np.linalg.norm(off[:, 1:], axis=1))
+    assert all(one.message == f"along the feed the points are off by {along * size:.0f} um in the middle, where {size:.0f} are "
+               f"predicted, and across it by {across * wide:.0f} of {wide:.0f}" for one in found)
 
 
 @pytest.mark.parametrize("count", [140, 141])

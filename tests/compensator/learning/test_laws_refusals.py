@@ -17,7 +17,7 @@ from compensator.learning import refusals
 from compensator.learning.held_out import HeldOut
 from compensator.learning.learning import Learning
 from compensator.learning.posterior import posterior
-from compensator.learning.refusals import refuse_worse, said_of
+from compensator.learning.refusals import refuse_without_physics, refuse_worse, said_of
 from identification.common.findings import Finding, Refused
 from identification.model.rotations import Frame
 from tests.compensator.learning.test_laws_learning import NOISE, drawn, terms
@@ -87,6 +87,49 @@ def test_what_makes_stretches_left_out_surely_worse_is_refused(learned: float, b
     finding, other = stopped.value.findings
     assert (finding.code, finding.file, other) == ("CS5312", "points.csv", beside)
     assert f"{learned:.1f} um are left, 40.0 um without learning" in finding.message
+
+
+@pytest.mark.parametrize("worse", [1.1, 1.0])
+def test_a_part_that_teaches_the_wrong_thing_teaches_nothing(
+    tracks: TwoTracks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, worse: float
+) -> None:
+    """Eight stretches off to one side and the other in turn: surely a little worse where they were left out, which by less than
+    a tenth is let pass."""
+    monkeypatch.setattr(refusals, "WORSE", worse)
+    side = np.where(8 * np.arange(len(tracks.off)) // len(tracks.off) % 2, -10.0, 10.0)
+    points = tracks.measured(tmp_path / "points.csv", THIRD, tracks.off + side[:, None] * [0, 1, 0])
+    if worse > 1:
+        tried = tracks.learn(points).held_out
+        assert tried is not None
+        assert tried.better < -2
+        assert tried.known < tried.learned < 1.1 * tried.known
+        return
+    with pytest.raises(Refused) as stopped:
+        tracks.learn(points)
+    assert (stopped.value.findings[0].code, stopped.value.findings[0].file) == ("CS5312", str(points))
+
+
+@pytest.mark.parametrize(("remainder_um", "places", "refused"), [(49.9, 5, False), (50.1, 5, True), (400.0, 0, False)])
+def test_a_remainder_larger_than_what_physics_explains_is_refused(remainder_um: float, places: int, refused: bool) -> None:
+    """Four terms that stand square to each other, of 10, 20, 40 and 20 um: together 50. Without places there is none."""
+    rows = type("Rows", (SimpleNamespace,), {"__len__": lambda self: 4})(
+        position=np.diag([1.0, 2, 3, 4])[:, :3], direction=np.eye(4)[:, :3], place=np.arange(4))
+    signs = np.array([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]]) * 1e-6
+    parts = dict(zip(("predicted", "springs", "setup", "drift"), signs * [[10], [20], [40], [20]], strict=True))
+    learned = SimpleNamespace(remainder=SimpleNamespace(places=np.zeros((places, 3))),
+                              frame=JobFrame(Frame.identity(), np.zeros(3), 1.0, 1.0))
+    learning: Any = SimpleNamespace(parts=parts | {"remainder": remainder_um * signs[1]}, learned=learned,
+                                    terms=SimpleNamespace(rows=rows))
+    beside = Finding("CS5302", "note", "something else")
+    if not refused:
+        refuse_without_physics(learning, "points.csv", (beside,))
+        return
+    with pytest.raises(Refused) as stopped:
+        refuse_without_physics(learning, "points.csv", (beside,))
+    finding, other = stopped.value.findings
+    assert (finding.code, finding.level, finding.file, other) == ("CS5311", "error", "points.csv", beside)
+    assert finding.message.startswith("a remainder of 50 um RMS that no term explains, while deflection, set-up and warming "
+                                      "together explain 50 um: ")
 
 
 def test_where_nothing_was_tried_nothing_is_refused() -> None:

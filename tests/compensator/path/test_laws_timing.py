@@ -213,11 +213,41 @@ def test_strict_refuses_a_cut_and_only_a_cut(tmp_path: Path) -> None:
         check_feed(judge(plan, forced(5, [0, 1, 2, 3])), strict=True)
 
 
+@pytest.mark.parametrize(("share", "cut", "code"), [
+    (1.02, [], ""), (0.98, [], "CS4411"), (0.5, [], "CS4411"), (0.5, [1], "CS4411"), (0.5, [0, 1, 2], "CS4401"),
+    (1.02, [0, 1, 2], "")])
+def test_moves_in_the_air_that_cannot_hold_their_feed_are_told_by_how_much(
+    tmp_path: Path, share: float, cut: list[int], code: str
+) -> None:
+    """A swing by 60 degrees of the first axis alone, which turns at its highest speed but for where it speeds up and brakes. A
+    target with force alone, between two without, is no cut."""
+    speed, acceleration = np.degrees(robot().speed[0]), np.degrees(robot().acceleration[0])
+    plan = program(tmp_path, swing(1e3 * RADIUS * np.radians(speed) / share))
+    check = check_feed(judge(plan, forced(3, cut)), strict=False)
+    found = [one for one in check.findings if one.code in ("CS4401", "CS4411")]
+    assert [one.code for one in found] == ([code] if code else [])
+    if code == "CS4411":
+        [said] = re.findall(r"^2 moves without force cannot hold their feed, ([\d.]+) s lost; the lowest share (\d+) % of "
+                            r"([\d.]+) mm/s: joint 1 at its speed limit \((\d+) deg/s\)$", found[0].message)
+        lost = 60 / speed + speed / acceleration - 60 * share / speed
+        assert [float(value) for value in said] == pytest.approx(
+            [lost, 100 * share, 1e3 * RADIUS * np.radians(speed) / share, speed], abs=0.02)
+        assert (found[0].level, found[0].line) == ("note", 4)
+
+
 def test_unknown_feed_and_a_program_of_joint_moves_alone(tmp_path: Path) -> None:
     moves = lines([[1100, 0, 700], [1150, 0, 700], [1200, 0, 700]], "vUnknown", "z1")
     unknown = check_feed(judge(program(tmp_path, moves), forced(3, [0, 1, 2])), strict=True)
-    assert "CS4405" in {finding.code for finding in unknown.findings}
+    [said] = [finding for finding in unknown.findings if finding.code == "CS4405"]
+    assert said.message.startswith("the feed of 2 moves is not known: not judged")
+    assert (said.level, said.target) == ("warning", 1)
     assert unknown.as_dict()["planned"]["judged"] == 0
+    # The speed of the move to the first target counts for nothing.
+    first = [moves[0], *(move.replace("vUnknown", "v100") for move in moves[1:])]
+    assert "CS4405" not in {finding.code for finding in check_feed(judge(program(tmp_path, first)), strict=True).findings}
+    one = check_feed(judge(program(tmp_path, [*first[:2], moves[2]])), strict=True)
+    [said] = [finding for finding in one.findings if finding.code == "CS4405"]
+    assert (said.message.partition(" is")[0], said.target) == ("the feed of 1 move", 2)
     joint_moves = program(tmp_path, [move.replace("MoveL", "MoveJ") for move in moves])
     alone = check_feed(judge(joint_moves, forced(3, [])), strict=True)
     assert alone.as_dict()["planned"]["joint_moves_s"] > 0

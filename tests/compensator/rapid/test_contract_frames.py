@@ -38,6 +38,23 @@ def test_the_user_frame_carries_the_object_frame():
     np.testing.assert_allclose(toolpath.workobjects[0].quaternion, [0, root, root, 0], atol=1e-12)
 
 
+OWN = 'PERS wobjdata wPart:=[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[9,0,0],[1,0,0,0]]];'
+
+
+@pytest.mark.parametrize(("moves", "data", "line"), [
+    (f"{MOVE},tool0\\WObj:=wobj0;\n{MOVE},tool0;", OWN, 5), (f"{MOVE},tool0;\n{MOVE},tool0\\WObj:=wPart;", OWN, None),
+    (f"{MOVE},tool0\\WObj:=wobj0;", OWN, None), (f"{MOVE},tool0;", OWN.replace("wPart", "wobj0"), None),
+    (f"{MOVE},tool0;", "", None),
+    ("MoveAbsJ [[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,z1,tool0;", OWN, None),
+    (f"{MOVE},tool0;", "PROC other(PERS wobjdata wPart)\nENDPROC", None)])
+def test_a_work_object_that_no_move_uses_beside_moves_without_one_is_told(moves: str, data: str, line: int | None) -> None:
+    """As it is spelled in the file, at the first move without; not of joint angles, which stand in none, nor of a parameter."""
+    told = found(path(moves, data), "CS2052")
+    assert [(one.level, one.line, one.target) for one in told] == ([("warning", line, 1)] if line else [])
+    assert all(one.message == "moves without \\WObj stand in wobj0, the world; no move uses wPart, which the program declares"
+               for one in told)
+
+
 def test_one_frame_for_each_declared_data_not_for_each_move():
     toolpath = path(f"{MOVE},mill;", f"{TOOL}\nPROC a()\nPERS tooldata mill:=[TRUE,[[1,0,0],[1,0,0,0]],{LOAD}];\n"
                     f"{MOVE},mill;{MOVE},mill;\nENDPROC\nPROC b()\n{MOVE},mill;\nENDPROC")

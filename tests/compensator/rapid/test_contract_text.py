@@ -114,6 +114,13 @@ def test_text_that_is_no_rapid_is_reported():
     assert (finding.line, finding.column) == (1, 1)
 
 
+@pytest.mark.parametrize(("behind", "line"), [("", None), ("\x1a", None), ("! a comment\n", None), ("by the operator\n", 6)])
+def test_text_behind_a_module_is_reported_and_its_moves_are_read(behind, line):
+    toolpath = read(f"MODULE m\nPROC main()\nMoveL {target(1)},v50,z1,tool0;\nENDPROC\nENDMODULE\n{behind}".encode())
+    assert millimetres(toolpath) == [[1, 0, 0]]
+    assert [(one.code, one.level, one.line) for one in toolpath.findings] == ([("CS2030", "warning", line)] if line else [])
+
+
 def test_statements_over_several_lines_with_comments():
     text = program("MoveL\n [ [ 1 , ! x\n 2,3],\n[1,0,0,0] ! turn [9,9]\n,[0,0,0,0],[9E9,9E9,9E9,\n9E9,9E9,9E9]],\n"
                    " v100 ! speed;\n,z1,\ntool0;")

@@ -45,9 +45,15 @@ def job(folder: Path, path: Path3, main: str, header: str = "x_mm,y_mm,z_mm", fi
     ("VAR bool last;\nWHILE NOT last DO\nrCut;\nlast:=TestDI(diLast);\nENDWHILE", False),
 ])
 def test_targets_that_cut_twice_are_told(tmp_path: Path, main: str, told: bool) -> None:
-    result = job(tmp_path, line(20, 10), main).correct("--json")
+    cut = job(tmp_path, line(20, 10), main)
+    result = cut.correct("--json")
     assert result.code == 0
-    assert ("CS4117" in kit.codes(result)) == told
+    found = [finding for finding in result.json["findings"] if finding["code"] == "CS4117"]
+    text = str(cut.program).splitlines()
+    calls = [str(number) for number, row in enumerate(text, 1) if "rCut" in row and "PROC" not in row]
+    first = next(number for number, row in enumerate(text, 1) if "Move" in row)
+    assert [(one["line"], one["target"], one["message"].partition(":")[0]) for one in found] == [
+        (first, 0, f"20 targets with force are driven more than once a run (called in line {', '.join(calls)})")] * told
     assert "CS4118" not in kit.codes(result)
 
 

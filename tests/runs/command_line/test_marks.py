@@ -3,6 +3,7 @@ milliseconds off, and a logger that knows the time alone."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -134,6 +135,39 @@ def test_another_program_with_as_many_marks_is_refused(job: Job) -> None:
     job.forces = "\n".join([header, *(f"{float(row.split(',')[0]) / 5:.5f},{row.split(',', 1)[1]}" for row in rows)]) + "\n"
     result = job.correct("--json")
     assert (result.code, result.json["findings"][0]["code"]) == (1, "CS3089"), result
+
+
+@pytest.mark.parametrize(("faster", "unknown", "refused"), [
+    (1.46, False, False), (1.54, False, True), (4.0, False, True), (4.0, True, False)])
+def test_a_stretch_that_is_driven_faster_than_programmed_is_refused(
+    job: Job, faster: float, unknown: bool, refused: bool
+) -> None:
+    """Between two marks of a straight line at 50 mm/s, by more than 1.5 times. Where the file does not say the speed of a move
+    between them nothing is too fast."""
+    targets, (passed, s) = marked_targets(job), driven()
+    text = str(job.program).splitlines()
+    moves = [k for k, row in enumerate(text) if row.strip().startswith("MoveL")]
+    first = next(k for k, target in enumerate(targets) if 15 < LENGTH[target] < 30)
+    if unknown:
+        row = moves[targets[first] + 1]
+        assert "v50" in text[row]
+        text[row] = text[row].replace("v50", "vElsewhere")
+        job.program = "\n".join(text) + "\n"
+    begin, end = np.interp(LENGTH[targets[first:first + 2]], s, passed)
+    header, *rows = log(targets, jitter=0.0).splitlines()
+    time = np.array([float(row.split(",")[0]) for row in rows])
+    time -= (1 - 1 / faster) * (np.clip(time, begin, end) - begin)
+    job.forces = "\n".join([header, *(f"{t:.5f},{row.split(',', 1)[1]}" for t, row in zip(time, rows, strict=True))]) + "\n"
+    result = job.correct("--json", "--max-slope", "1e6")
+    found = [one for one in result.json["findings"] if one["code"] == "CS3089"]
+    assert (result.code, len(found)) == ((1, 1) if refused else (0, 0)), result
+    for one in found:
+        said = re.fullmatch(r"between the marks at targets (\d+) and (\d+) the log drives ([\d.]+) times as fast as programmed "
+                            r"\(50 mm/s\)", one["message"])
+        assert said is not None
+        assert [int(said[1]), int(said[2])] == targets[first:first + 2].tolist()
+        assert float(said[3]) == pytest.approx(faster, rel=0.05)
+        assert one["target"] == targets[first]
 
 
 def test_an_output_left_high_by_an_earlier_run(job: Job) -> None:

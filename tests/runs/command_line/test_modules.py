@@ -175,8 +175,16 @@ def test_of_layers_a_log_of_positions_is_that_of_the_one_it_lies_on(tmp_path: Pa
     result = job.correct("--json", "--keep-targets")
     assert result.code == 0, result
     said = next(finding for finding in result.json["findings"] if finding["code"] == "CS3128")
-    assert "3 times" in said["message"]
+    # The first layer ends after 249 rows and the header; 220 on the second, and some of the way up that are near its end.
+    [(first, last)] = re.findall(r"^the log goes along this path 3 times, as layer upon layer does: that of rows (\d+) to "
+                                 r"(\d+) is taken, 0\.0\d mm off it in the middle$", said["message"])
+    assert (first, said["line"]) == ("251", 251)
+    assert 470 <= int(last) <= 473
     force = kit.deviation(IRB6660, layers[1].q[5], TOOL.p, np.r_[2 * CUTS, 0, 0, 0], K) * 1e6
+    np.testing.assert_allclose(deviations(tmp_path)[5], force, atol=0.5)
+    job.forces = "\n".join([rows[0], *rows[250:499]]) + "\n"
+    alone = job.correct("--json", "--keep-targets", "--force")
+    assert "CS3128" not in kit.codes(alone)
     np.testing.assert_allclose(deviations(tmp_path)[5], force, atol=0.5)
 
 

@@ -128,6 +128,7 @@ def test_the_units_own_limits_hold_the_feed_back(tmp_path: Path) -> None:
     feed = result["result"]["feed_check"]["planned"]
     assert feed["lowest_feed_ratio"] == pytest.approx(5 / speed.max(), rel=1e-3)
     assert any(f"eax_{axis} at its speed limit (5 deg/s)" in finding["message"] for finding in result["findings"])
+    assert "CS4508" not in {finding["code"] for finding in result["findings"]}
     free = CarriedJob(tmp_path / "free", LINES, zone="fine", on="table", ends=ends)
     _, result, _ = free.correct("path_mm", "--check-feed", "--keep-targets")
     assert result["result"]["feed_check"]["planned"]["lowest_feed_ratio"] == 1

@@ -301,7 +301,8 @@ def test_what_does_not_belong_together_is_refused(job: ErringJob, stiffness: Pat
     moved.write_text(job.program.read_text().replace("[[1350.0000,", "[[1352.0000,"))
     assert moved.read_text() != job.program.read_text()
     code, said = codes("--learned", learned, "--repeats", "setup", program=moved)
-    assert (code, "CS5322" in said) == (3, True), said
+    assert (code, "CS5322: --repeats setup, but the work object stands 2 mm from where it was measured: this" in said) == (
+        3, True), said
     assert codes("--learned", learned, program=moved)[0] == 0
 
 

@@ -3,6 +3,7 @@ right ones. The truth is the virtual cell's alone."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -63,8 +64,14 @@ def test_a_cutter_that_is_not_as_thick_as_stated_is_no_softer_robot(job: ErringJ
     done = learned(job, file, "--tool-radius-mm", RADIUS)
     assert done.code == 0, done
     assert abs(done.json["result"]["motion"]["scale"] - job.motion) < 0.02
-    assert ("CS5334" in kit.codes(done)) == bool(amount_um)
+    said = [finding["message"] for finding in done.json["findings"] if finding["code"] == "CS5334"]
+    assert len(said) == bool(amount_um)
     if amount_um:
+        shown = re.fullmatch(r"all along their normals the points stand (\d+) \+- [\d.]+ um \(2 sigma\) (out of|within) the "
+                             "planned surface, whatever the force: taken off, and no part of what is learned", said[0])
+        assert shown is not None
+        assert abs(float(shown[1]) - abs(amount_um)) < 15
+        assert shown[2] == ("out of" if amount_um > 0 else "within")
         told_um = done.json["result"]["along_normals"]
         assert abs(told_um["all_um"] - amount_um) < 3 * told_um["std_um"] < 30
 
