@@ -65,7 +65,8 @@ def ordinary(design: Design) -> tuple[Design, tuple[Finding, ...]]:
     findings = () if not len(back) else (Finding(
         "CS0013", "note", f"{len(back)} of {len(runs)} poses reach over the robot's back (axis 1 at "
         f"{', '.join(f'{angle:.0f}' for angle in np.degrees(runs.theta[back, 0]))} deg): {cost}",
-        file=str(domain.rig.cell.source), hint="where the cell does not allow them, state design.joint_window_deg in cell.yaml, such as {q1: [-90, 90]}"),)
+        file=str(domain.rig.cell.source),
+        hint="where the cell does not allow them, state design.joint_window_deg in cell.yaml, such as {q1: [-90, 90]}"),)
     return replace(design, runs=runs, information=task.information(runs)), findings
 
 

@@ -74,7 +74,7 @@ def test_poses_in_front_cost_little(tmp_path):
 @pytest.mark.parametrize(("share", "slips", "words"), [
     (0.981, False, ""), (0.979, False, "poses in front in their place would cost 2 % of the criterion or more"),
     (0.9, False, "poses in front in their place would cost 10 % of the criterion or more"),
-    (0.999, True, "no pose in front was found in their place"), (None, False, "no pose in front was found in their place")])
+    (0.9, True, "no pose in front was found in their place"), (None, False, "no pose in front was found in their place")])
 def test_what_a_pose_in_front_would_cost_is_said(tmp_path, monkeypatch, share, slips, words):
     """From 2 % on. Not of one that has none in front at all, or whose search leads back again: that had been told to cost
     0 %."""
