@@ -216,13 +216,19 @@ def test_rows_that_no_springs_fit_are_mended_too(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, known, rtol=1e-3)
 
 
-def test_nothing_is_mended_without_a_mistake(tmp_path: Path) -> None:
+@pytest.mark.parametrize("earlier", [(), ("mended.csv",)])
+def test_nothing_is_mended_without_a_mistake(tmp_path: Path, earlier: tuple[str, ...]) -> None:
+    """A file that stands there of an earlier call is said to be that, and stays."""
     cell, table = first(right(12, "irb6640-235-2.55"), 4).write(tmp_path)
+    for name in earlier:
+        (tmp_path / name).write_text("of yesterday")
     done = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--mend", tmp_path / "mended", *FEW)
     assert done.exit_code == 3
-    assert "CS1703" in done.stderr
+    of_earlier = "; the mended.csv that stands there is of an earlier call" if earlier else ""
+    assert (f"warning CS1703: no mistake is named, so that there is nothing to mend: {tmp_path / 'mended'} was not written"
+            f"{of_earlier}\n") in done.stderr
     assert json.loads((tmp_path / "d.json").read_text())["mistakes"] == []
-    assert not list(tmp_path.glob("mended*"))
+    assert {path.name: path.read_text() for path in tmp_path.glob("mended*")} == dict.fromkeys(earlier, "of yesterday")
 
 
 def exchanged(folder: Path, seed: int, one: int, other: int) -> dict[str, dict]:
