@@ -257,7 +257,8 @@ def test_lvm_units_are_what_the_file_states(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("force", "moment", "newtons", "newton_metres"), [
     ("N", "Nm", 1, 1), ("kN", "kN m", 1e3, 1e3), ("mN", "mN\N{MIDDLE DOT}m", 1e-3, 1e-3), ("Newtons", "N-m", 1, 1),
     ("lbf", "lbf-ft", 0.45359237 * 9.80665, 0.45359237 * 9.80665 * 0.3048),
-    ("lbf", "lbf*in", 0.45359237 * 9.80665, 0.45359237 * 9.80665 * 0.0254), ("N", "N mm", 1, 1e-3), ("N", "Ncm", 1, 1e-2), ("N", "N-cm", 1, 1e-2),
+    ("lbf", "lbf*in", 0.45359237 * 9.80665, 0.45359237 * 9.80665 * 0.0254), ("N", "N mm", 1, 1e-3),
+    ("N", "Ncm", 1, 1e-2), ("N", "N-cm", 1, 1e-2),
     ("N", "N", 1, 0), ("Nm", "Nm", 0, 1), ("V", "Nm", 0, 1)])
 def test_lvm_numbers_are_taken_times_their_unit(
     tmp_path: Path, force: str, moment: str, newtons: float, newton_metres: float,
