@@ -69,8 +69,8 @@ def watch_folder(
 
 @dataclass
 class Watch:
-    """The folder `source` under watch. handled: the files of a program as they were when it was last looked into. shut: what was
-    said of a program with a file that cannot be read, which may change though the file does not."""
+    """The folder `source` under watch. handled: the files of a program as they were when it was last looked into. shut: what
+    was said of a program with a file that cannot be read, which may change though the file does not."""
 
     source: Path
     folders: Folders
@@ -133,8 +133,8 @@ class Watch:
         if reason is None:
             return
         file = Path(reason.filename or files.program)
-        waits = Finding("CS6014", "warning", f"{file.name} cannot be read: {reason.strerror}; the program waits", file=str(file),
-                        hint="may the account that watches read it? The program is taken as soon as it can be")
+        waits = Finding("CS6014", "warning", f"{file.name} cannot be read: {reason.strerror}; the program waits",
+                        file=str(file), hint="may the account that watches read it? The program is taken as soon as it can be")
         if self.shut.get(files.program) != waits:
             self.shut[files.program] = waits
             yield self._waiting(files, waits)
