@@ -106,6 +106,25 @@ def test_other_matlab_files_are_refused(tmp_path: Path) -> None:
     assert "e.mat: error CS0201: para.u has shape (5,), expected (6,)" in failure(tmp_path / "e.mat")
 
 
+@pytest.mark.parametrize(("field", "column", "scale"), [
+    ("act_pos_mot_deg", "q2_motor_deg", 1), ("act_pos_se_deg", "q2_link_deg", 1),
+    ("act_vel_mot_deg_per_s", "q2_speed_deg_s", 1), ("act_torque_abs_nm", "q2_torque_nm", 1 / 267.4)])
+def test_a_sample_of_a_record_that_is_no_number_is_refused_where_it_stands(
+        tmp_path: Path, field: str, column: str, scale: float) -> None:
+    """As in a table. Such a record ended as a defect, told a lag of the speed that was none, or had "no link encoder"."""
+    lost = np.zeros((6, 1250))
+    lost[1] = scale * columns(0, {}, seconds=5)[column]
+    lost[1, 700] = np.nan
+    assert failure(kuka(tmp_path / "a.mat", **{field: lost})).splitlines()[0].endswith(
+        f"a.mat: error CS0203: rec.{field}, joint 2: found nan as number 701, expected a finite number up to 1e+19 in size")
+
+
+def test_a_joint_without_a_link_encoder_may_have_no_number_at_all(tmp_path: Path) -> None:
+    link = np.full((6, 1250), np.nan)
+    link[1] = columns(0, {}, seconds=5)["q2_link_deg"]
+    assert list(read_motion_log(kuka(tmp_path / "a.mat", act_pos_se_deg=link)).joints) == [2]
+
+
 def test_a_file_of_numbers_its_reader_does_not_end_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kuka_kr300, "PATIENCE_S", 0.01)
     assert "a.mat: error CS0201: is not a MATLAB file that can be read: its reader took over 0.01 s" in failure(
