@@ -63,15 +63,23 @@ def test_too_short(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("samples", "words"), [
-    (2.0, "8.0 ms behind"), (-3.0, "12.0 ms ahead of"), (0.6, "2.4 ms behind"), (0.4, ""), (-0.4, ""), (0.0, "")])
+    (2.0, "8.0 ms behind"), (-3.0, "12.0 ms ahead of"), (4.8, "19.2 ms behind"), (12.0, "20.0 ms or more behind"),
+    (-7.0, "20.0 ms or more ahead of"), (0.6, "2.4 ms behind"), (0.4, ""), (-0.4, ""), (0.0, "")])
 def test_a_speed_channel_that_lags_is_said(tmp_path: Path, samples: float, words: str) -> None:
-    """From half a sample of 4 ms on."""
+    """From half a sample of 4 ms on, and up to five are looked at."""
     values = columns(0, {}, seconds=5)
     speed, index = values["q2_speed_deg_s"], np.arange(1250.0)
     values["q2_speed_deg_s"] = np.interp(index - samples, index, speed)
     log = read_motion_log(write(tmp_path / "a.csv", values))
     assert [(one.level, one.message) for one in log.findings if one.code == "CS1506"] == [
         ("note", f"q2_speed_deg_s lies {words} the motor angle; the speed is taken from the angle")][: bool(words)]
+
+
+def test_a_log_too_short_to_compare_tells_no_lag(tmp_path: Path) -> None:
+    """Ten samples of two a second: nothing is left inside, and the first lag that was tried had been told, 2.5 s."""
+    values = {name: column[::125] for name, column in columns(0, {}, seconds=5).items()}
+    assert len(values["time_s"]) == 10
+    assert "CS1506" not in {one.code for one in read_motion_log(write(tmp_path / "a.csv", values)).findings}
 
 
 def kuka(path: Path, **changes: object) -> Path:
