@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import tempfile
 from collections.abc import Sequence
@@ -24,6 +25,8 @@ from identification.model.robot import built_in_robots
 
 TEMPLATES = Path(__file__).parent / "templates"
 Triple = Sequence[float]
+# A lever about axis 6 by which no load test tells k6: 300 N move the tool by about a tenth of a micrometre.
+ON_AXIS_6_MM = 5.0
 
 
 @dataclass(frozen=True)
@@ -171,9 +174,11 @@ def _left_open(answers: CellAnswers, folder: Path, rapid: bool, robot: str) -> l
         found.append(Finding("CS0103", "note", f"logs in the frame {answers.force_frame} hold the weight of what hangs on the "
                              "sensor, and its mass is not stated", file=cell, hint="compstiff tare finds mass, centre and bias "
                              "from readings taken still; or state force_log.weight: removed"))
-    if answers.tool_tcp[0] == answers.tool_tcp[1] == 0:
-        found.append(Finding("CS0106", "warning", "the TCP stands on axis 6: no pure force turns that joint, and k6 cannot be "
-                             "seen", file=cell, hint="for the load tests take a point beside axis 6, such as a bar on the "
+    beside = math.hypot(*answers.tool_tcp[:2])
+    if beside <= ON_AXIS_6_MM:
+        where, turns = (f"{beside:.2g} mm from", "pure forces hardly turn") if beside else ("on", "no pure force turns")
+        found.append(Finding("CS0106", "warning", f"the TCP stands {where} axis 6: {turns} that joint, and k6 cannot be seen",
+                             file=cell, hint="for the load tests take a point beside axis 6, such as a bar on the "
                              "flange, in a cell file of its own"))
     if not rapid:
         found.append(Finding("CS0107", "note", f"{robot} does not run RAPID: the chain has no corrected program",

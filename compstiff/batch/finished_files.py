@@ -38,6 +38,20 @@ class Settled:
         settled = [stamp for stamp in stamps if stamp is not None]
         return settled if len(settled) == len(stamps) else None
 
+    def kept_shut(self, paths: Iterable[Path]) -> OSError | None:
+        """Of the first of these files that stayed as it is for long enough, and that the system will not open: why."""
+        now = self.clock()
+        for path in paths:
+            _, since = self._since.get(path, (None, float("inf")))
+            if now - since >= self.settle:
+                try:
+                    os.close(_opened(path))
+                except FileNotFoundError:
+                    continue
+                except OSError as reason:
+                    return reason
+        return None
+
     def _look(self, file: Path) -> FileStamp | None:
         now, stamp = self.clock(), file_stamp(file)
         if stamp is None:
@@ -53,7 +67,7 @@ def open_for_writing(file: Path) -> bool:
     """Whether a process of this machine has the file open for writing, or it cannot be opened. False where the kernel does not
     say: another user's file, a network folder. On Windows whether anybody has it open without sharing it."""
     try:
-        handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        handle = _opened(file)
     except OSError:
         return True
     try:
@@ -73,6 +87,11 @@ def open_for_writing(file: Path) -> bool:
         os.close(handle)
         signal.signal(signal.SIGIO, ignored)
     return False
+
+
+def _opened(file: Path) -> int:
+    """A handle to read the file by, which waits for no writer. Raises OSError."""
+    return os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
 
 
 def _open_elsewhere(file: Path) -> bool:

@@ -69,7 +69,8 @@ def watch_folder(
 
 @dataclass
 class Watch:
-    """The folder `source` under watch. handled: the files of a program as they were when it was last looked into."""
+    """The folder `source` under watch. handled: the files of a program as they were when it was last looked into. shut: what
+    was said of a program with a file that cannot be read, which may change though the file does not."""
 
     source: Path
     folders: Folders
@@ -77,6 +78,7 @@ class Watch:
     journal: Journal
     settled: Settled
     handled: dict[Path, list[FileStamp]] = field(default_factory=dict)
+    shut: dict[Path, Finding] = field(default_factory=dict)
 
     def always(self, interval: float, stopped: Callable[[], bool], say: Callable[[str], None]) -> Iterator[ProgramResult]:
         """Looks every `interval` seconds until `stopped`; that the folder cannot be read for a while (CS0005) is said once."""
@@ -113,16 +115,29 @@ class Watch:
                 continue
             own = self.settled.look(_own(files))
             if own is None or shared is None:
+                yield from self._shut(files, self.settled.kept_shut(self._read_for(files)))
                 continue
             stamps = [*own, *shared]
             waits = self._waits_for(files)
             if waits:
                 self.handled[files.program] = stamps
-                yield ProgramResult.of(files, self.shared, Outcome(findings=(waits,)), "waiting", DONE)
+                yield self._waiting(files, waits)
                 continue
-            result = self._take(files, stamps)
-            if result:
-                yield result
+            yield from self._take(files, stamps)
+
+    def _waiting(self, files: ProgramFiles, why: Finding) -> ProgramResult:
+        return ProgramResult.of(files, self.shared, Outcome(findings=(why,)), "waiting", DONE)
+
+    def _shut(self, files: ProgramFiles, reason: OSError | None) -> Iterator[ProgramResult]:
+        """What is said, once, of a program that waits because a file that is read for it cannot be."""
+        if reason is None:
+            return
+        file = Path(reason.filename or files.program)
+        waits = Finding("CS6014", "warning", f"{file.name} cannot be read: {reason.strerror}; the program waits",
+                        file=str(file), hint="may the account that watches read it? The program is taken as soon as it can be")
+        if self.shut.get(files.program) != waits:
+            self.shut[files.program] = waits
+            yield self._waiting(files, waits)
 
     def _read_for(self, files: ProgramFiles) -> list[Path]:
         """Every file that the correction of a program reads."""
@@ -138,18 +153,22 @@ class Watch:
                                hint="copy it again, under another name first and renamed at the end")
         return None
 
-    def _take(self, files: ProgramFiles, stamps: list[FileStamp]) -> ProgramResult | None:
-        """Corrects a program unless the journal says that this was done; None where nothing new was learnt."""
+    def _take(self, files: ProgramFiles, stamps: list[FileStamp]) -> Iterator[ProgramResult]:
+        """Corrects a program unless the journal says that this was done; yields nothing where nothing new was learnt."""
         name, outputs = files.program.name, files.outputs.files()
         try:
             digests = [sha256(path) for path in files.own]
             key = content_key(files, self.shared, digests)
-        except OSError:
-            return None     # Gone, or no longer readable: the next look sees it.
+        except FileNotFoundError:
+            return      # Gone: the next look sees it.
+        except OSError as reason:
+            yield from self._shut(files, reason)
+            return
+        self.shut.pop(files.program, None)
         last = self.journal.last.get(name, {})
         if last.get("key") == key:
             self.handled[files.program] = stamps
-            return None
+            return
         written = [_from(self.folders.output, path) for path in outputs]
         own = all(file in self.journal.outputs for file, path in zip(written, outputs, strict=True) if os.path.lexists(path))
         self.journal.begun(name, key, written)
@@ -163,7 +182,8 @@ class Watch:
         if result.code == INTERRUPTED:
             raise KeyboardInterrupt
         if any(finding.code == "CS6004" for finding in result.findings):
-            return result
+            yield result
+            return
         logs = digests[1:1 + len(files.logs)]
         if logs and last.get("program_sha256", digests[0]) != digests[0] and last.get("logs_sha256") == logs:
             result = result.with_finding(Finding(
@@ -175,7 +195,7 @@ class Watch:
                           stocks_sha256=digests[1 + len(logs):], status=result.status,
                           exit_code=result.code, findings=[finding.as_dict() for finding in fold(result.findings)])
         self.handled[files.program] = stamps
-        return result
+        yield result
 
 
 def _own(files: ProgramFiles) -> list[Path]:

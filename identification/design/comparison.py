@@ -11,7 +11,7 @@ from identification.design.domain import random_pool
 from identification.design.exchange import many_exchanges
 from identification.design.forecast import spread
 from identification.design.search import Design, Effort, best_refined
-from identification.design.stated_covariance import stated_covariance
+from identification.design.stated_covariance import largest_log_std
 from identification.design.task import Task
 
 EFFORT = Effort(poses=2000, exchanges=30, refinements=6)
@@ -20,7 +20,7 @@ EFFORT = Effort(poses=2000, exchanges=30, refinements=6)
 @dataclass(frozen=True)
 class Comparison:
     """against: the plainer plan in words. ratio: Phi of this plan over that of the best of those that was found. largest,
-    other_largest: largest std of ln k after this plan, after that one."""
+    other_largest: largest std of the ln k that the loads can show, after this plan and after that one."""
 
     against: str
     ratio: float
@@ -43,6 +43,5 @@ def compared(design: Design, plainer: Task, against: str, rng: np.random.Generat
     pool = random_pool(plainer.domain, EFFORT.poses, rng)
     plans = many_exchanges(plainer, pool, rng, EFFORT.exchanges)
     best = best_refined(plainer, pool, plans[: EFFORT.refinements])
-    largest, there = (float(np.sqrt(np.diag(stated_covariance(task, runs)).max()))
-                      for task, runs in ((design.task, design.runs), (plainer, best.runs)))
-    return Comparison(against, design.certificate.value / best.value, largest, there)
+    return Comparison(against, design.certificate.value / best.value, largest_log_std(design.task, design.runs),
+                      largest_log_std(plainer, best.runs))

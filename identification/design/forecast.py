@@ -13,7 +13,7 @@ from identification.design.domain import Pool
 from identification.design.exchange import exchange
 from identification.design.search import Design
 from identification.design.sheet import Sheet, as_measurements
-from identification.design.stated_covariance import stated_covariance
+from identification.design.stated_covariance import largest_log_std, stated_covariance
 from identification.design.task import Demand
 from identification.diagnosis.plan import Outlook, judge_plan, not_told_apart
 from identification.fit.identifiability import RELIABLE_LOG_STD, TRADE_OFF, UNSEEN_SHRINKAGE
@@ -148,5 +148,4 @@ def _of_length(design: Design, count: int, rng: np.random.Generator) -> tuple[fl
         pool = Pool.of([design.pool, design.runs, design.certificate.support])
         best, _ = max((exchange(task, pool, rng) for _ in range(4)), key=lambda plan: plan[1])
         runs = pool.take(best)
-    seen = ~np.isin(np.arange(1, 7), task.criterion.left_out)
-    return task.value(runs), float(np.sqrt(np.diag(stated_covariance(task, runs))[seen].max()))
+    return task.value(runs), largest_log_std(task, runs)

@@ -60,19 +60,21 @@ def ordinary(design: Design) -> tuple[Design, tuple[Finding, ...]]:
     design, left = _forwards(design)
     runs = turned_least(domain, design.runs)
     back = np.flatnonzero(reaching_back(domain, runs.theta))
+    cost = "no pose in front was found in their place" if left is None else (
+        f"poses in front in their place would cost {100 * (1 - left):.0f} % of the criterion or more")
     findings = () if not len(back) else (Finding(
         "CS0013", "note", f"{len(back)} of {len(runs)} poses reach over the robot's back (axis 1 at "
-        f"{', '.join(f'{angle:.0f}' for angle in np.degrees(runs.theta[back, 0]))} deg): poses in front in their place would "
-        f"cost {100 * (1 - left):.0f} % of the criterion or more", file=str(domain.rig.cell.source),
+        f"{', '.join(f'{angle:.0f}' for angle in np.degrees(runs.theta[back, 0]))} deg): {cost}",
+        file=str(domain.rig.cell.source),
         hint="where the cell does not allow them, state design.joint_window_deg in cell.yaml, such as {q1: [-90, 90]}"),)
     return replace(design, runs=runs, information=task.information(runs)), findings
 
 
-def _forwards(design: Design) -> tuple[Design, float]:
+def _forwards(design: Design) -> tuple[Design, float | None]:
     """The design with runs that reach backwards put elsewhere, one by one while that costs COST at most in all, and the
-    largest share of the criterion that one of those which stay would have left (1 where none stays)."""
+    largest share of the criterion that one of those which stay would have left, None where none has a place in front."""
     task, domain = design.task, design.task.domain
-    before, share = design.certificate.value, 1.0
+    before, share = design.certificate.value, None
     pool = design.pool.take(~reaching_back(domain, design.pool.theta))
     plan, tried = design.runs, np.zeros(len(design.runs), dtype=bool)
     while len(waiting := np.flatnonzero(reaching_back(domain, plan.theta) & ~tried)):
@@ -82,10 +84,12 @@ def _forwards(design: Design) -> tuple[Design, float]:
         if start is None:
             continue
         after, _ = refined(task, start)
-        if after.value >= (1 - COST) * before and not reaching_back(domain, after.runs.theta)[i]:
+        if reaching_back(domain, after.runs.theta)[i]:
+            continue
+        if after.value >= (1 - COST) * before:
             plan = after.runs
         else:
-            share = max(share, after.value / before) if share < 1 else after.value / before
+            share = max(share or 0.0, after.value / before)
     if plan is design.runs:
         return design, share
     return replace(design, runs=plan, information=task.information(plan),

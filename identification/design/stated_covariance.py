@@ -34,6 +34,12 @@ def stated_covariance(task: Task, runs: Pool) -> Array:
     return np.asarray(covariance + np.outer(moved, moved))
 
 
+def largest_log_std(task: Task, runs: Pool) -> float:
+    """Largest std of the ln k that the loads can show, as `identify` will state it."""
+    seen = ~np.isin(np.arange(1, 7), task.criterion.left_out)
+    return float(np.sqrt(np.diag(stated_covariance(task, runs))[seen].max()))
+
+
 def _taken(task: Task, runs: Pool) -> Array:
     """Information (6, 6) on ln c that the weight takes from the runs' rows; of rows measured before it has been taken."""
     rig = task.domain.rig

@@ -2,7 +2,8 @@
 
 A row is off by `d^2 = r^T (S + o^2 O + D C D^T)^-1 r` in its sensor and force noise, its visit's re-seating and what is
 unknown of the springs, held against the Student distribution that rows follow, family-wise; a whole visit by the test of
-visits.py. Where the model is wrong everywhere the median of d^2 is large and no single row stands out.
+visits.py. Where the model is wrong everywhere the median of d^2 is large and no single row stands out: then it is said that the
+model does not predict them.
 """
 
 from __future__ import annotations
@@ -47,12 +48,22 @@ class OutlyingRow:
 @dataclass(frozen=True, eq=False)
 class Validation:
     """rms: of all validation rows, rms_without: of those that are left [m]. rows, visits: the outliers, the worst first; a
-    row of an outlying visit is not told by itself. numbers (m,): of all rows that are left out of rms_without."""
+    row of an outlying visit is not told by itself. count: of the rows; missed: how many of them are off by more than their own
+    uncertainty allows, which is `expected` [m] RMS over all of them. numbers (m,): of all rows that are left out of
+    rms_without."""
 
     rms: float
     rms_without: float
     rows: tuple[OutlyingRow, ...]
     visits: tuple[BadVisit, ...]
+    count: int
+    missed: int
+    expected: float
+
+    @property
+    def fails(self) -> bool:
+        """Whether so many rows are missed that it is the model that does not predict them, and no row is told by itself."""
+        return self.missed > MOST * self.count and not len(self.numbers)
 
     @property
     def numbers(self) -> NDArray[np.intp]:
@@ -69,15 +80,15 @@ def judge_validation(fitted: Posterior, data: LoadTest, seed: int = 0) -> Valida
         return None
     kept = data.with_rows(rows.select(rows.validate))
     residual = fitted.residual_of(kept)
-    outlying = _rows(fitted, kept, residual)
+    outlying, missed, expected = _rows(fitted, kept, residual)
     single = _single(kept.rows, np.array([row.row for row in outlying], dtype=np.intp))
     visits = _visits(fitted, data.with_rows(rows.select(~np.isin(rows.row, single))), seed)
     in_visits = np.isin(kept.rows.row, np.concatenate([np.empty(0, dtype=np.intp), *(bad.score.rows for bad in visits)]))
     out = in_visits | np.isin(kept.rows.row, [row.row for row in outlying])
     if out.sum() > MOST * len(out):
-        return Validation(rms(residual), rms(residual), (), ())
+        return Validation(rms(residual), rms(residual), (), (), len(out), missed, expected)
     alone = tuple(row for row in outlying if row.row not in kept.rows.row[in_visits])
-    return Validation(rms(residual), rms(residual[~out]), alone, visits)
+    return Validation(rms(residual), rms(residual[~out]), alone, visits, len(out), missed, expected)
 
 
 def _single(rows: Measurements, outlying: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -100,8 +111,9 @@ def _visits(fitted: Posterior, data: LoadTest, seed: int) -> tuple[BadVisit, ...
     return with_mends(VisitTest(test.scores, test.p_value, test.resolution, tuple(bad), scale=test.scale), fitted, data.rows)
 
 
-def _rows(fitted: Posterior, kept: LoadTest, residual: Array) -> tuple[OutlyingRow, ...]:
-    """Single rows that are off by more than their prediction's uncertainty allows, the worst first."""
+def _rows(fitted: Posterior, kept: LoadTest, residual: Array) -> tuple[tuple[OutlyingRow, ...], int, float]:
+    """Single rows that are off by more than their prediction's uncertainty allows and than the others are, the worst first; how
+    many are off by more than it allows, whatever the others are; and how far off that expects them to be [m] RMS."""
     noise = noise_model(kept, fitted.compliance)
     precision = noise.of_rows_alone(fitted.components)
     design = noise.whitening @ response(kept, fitted.map, fitted.terms)[1]
@@ -114,6 +126,10 @@ def _rows(fitted: Posterior, kept: LoadTest, residual: Array) -> tuple[OutlyingR
     count = np.maximum(measured.sum(axis=1), 1)
     degrees = tails(fitted.components.degrees, len(fitted.data.rows))
     scale = max(1.0, float(np.median(squared / (count * f_median(count, degrees))))) if len(squared) >= COMPANY else 1.0
-    p_values = len(squared) * f_tail(squared / (scale * count), count, degrees)
-    return tuple(OutlyingRow(int(kept.rows.row[k]), int(kept.rows.line[k]), residual[k], float(np.sqrt(squared[k] / scale)))
-                 for k in np.argsort(p_values, kind="stable") if p_values[k] <= ROW_ALARM)
+    p_values, alone = (len(squared) * f_tail(squared / (wide * count), count, degrees) for wide in (scale, 1.0))
+    back = np.linalg.inv(noise.whitening)
+    variance = np.einsum("nij,njk,nik->ni", back, allowed, back)
+    outlying = tuple(
+        OutlyingRow(int(kept.rows.row[k]), int(kept.rows.line[k]), residual[k], float(np.sqrt(squared[k] / scale)))
+        for k in np.argsort(p_values, kind="stable") if p_values[k] <= ROW_ALARM)
+    return outlying, int(np.sum(alone <= ROW_ALARM)), rms(np.where(measured, np.sqrt(variance), np.nan))

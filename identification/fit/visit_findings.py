@@ -96,7 +96,14 @@ def kinds_apart(bad: Sequence[BadVisit], data: LoadTest) -> list[Finding]:
 
 
 def validation_findings(validation: Validation | None, source: str) -> list[Finding]:
-    """Outliers among the validation rows, single ones (CS1732) and whole visits (CS1733), with what they do to the figure."""
+    """Outliers among the validation rows, single ones (CS1732) and whole visits (CS1733), with what they do to the figure; or
+    that the model does not predict them (CS1737)."""
+    if validation is not None and validation.fails:
+        return [Finding("CS1737", "warning", f"{validation.missed} of {validation.count} validation rows are off by more than "
+                        f"chance allows, too many to be single mistakes: {1e6 * validation.rms:.1f} um RMS over all of them, "
+                        f"where their uncertainty expects {1e6 * validation.expected:.1f} um", file=source,
+                        hint="do not trust a correction there. What have these poses that the others have not: reach, load, "
+                        "another day or set-up, columns of their own?")]
     if validation is None or not len(validation.numbers):
         return []
     figure = (f"the validation figure is {1e6 * validation.rms:.1f} um RMS with all rows, "

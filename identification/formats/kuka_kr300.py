@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import Finding, error
+from identification.common.sizes import LARGEST_CELL
 
 Array = NDArray[np.float64]
 # Struct, field: what a record must have.
@@ -28,13 +29,15 @@ NEEDED = (("rec", "act_pos_mot_deg"), ("rec", "act_pos_se_deg"), ("rec", "act_ve
           ("rec", "act_torque_abs_nm"), ("para", "u"))
 
 PATIENCE_S = 120.0
+SIGNALS = ("act_pos_mot_deg", "act_pos_se_deg", "act_vel_mot_deg_per_s", "act_torque_abs_nm")
 CLOCKS = (("rec", "time_cont"), ("time_data", "dt"))
 
 
 def read_kuka_kr300(file: str | Path) -> tuple[dict[str, Array], tuple[Finding, ...]]:
     """The record as columns of a joint deflection log (docs/formats.md), the torque on the gear side, and what was assumed.
 
-    Raises CompstiffError: CS0005 cannot be read, CS0201 no MATLAB file or not one of these records.
+    Raises CompstiffError: CS0005 cannot be read, CS0201 no MATLAB file or not one of these records, CS0203 a sample of a joint
+    with a link encoder is no number.
     """
     name = str(file)
     content, said = _content(name)
@@ -50,13 +53,19 @@ def read_kuka_kr300(file: str | Path) -> tuple[dict[str, Array], tuple[Finding, 
         raise error("CS0201", f"para.u has shape {fields['u'].shape}, expected (6,)", file=name)
     time = _time(content, np.atleast_2d(fields["act_pos_mot_deg"]).shape[1], name, findings)
     columns = {"time_s": time}
-    for field in ("act_pos_mot_deg", "act_pos_se_deg", "act_vel_mot_deg_per_s", "act_torque_abs_nm"):
+    for field in SIGNALS:
         if fields[field].shape != (6, len(time)):
             raise error("CS0201", f"rec.{field} has shape {fields[field].shape}, expected (6, {len(time)})", file=name)
     for k in range(6):
         link = fields["act_pos_se_deg"][k]
-        if not np.all(np.isfinite(link)) or np.ptp(link) == 0:
+        if not np.isfinite(link).any() or np.ptp(link) == 0:
             continue
+        for place, values in (*((f"rec.{field}", fields[field][k]) for field in SIGNALS), ("para.u", fields["u"][k:k + 1])):
+            wrong = np.flatnonzero(~(np.abs(values) <= LARGEST_CELL))
+            if len(wrong):
+                raise error("CS0203", f"{place}, joint {k + 1}: found {values[wrong[0]]:g} as number {wrong[0] + 1}, expected "
+                            f"a finite number up to {LARGEST_CELL:g} in size", file=name,
+                            hint="cut the record where samples are lost")
         columns[f"q{k + 1}_motor_deg"] = fields["act_pos_mot_deg"][k]
         columns[f"q{k + 1}_link_deg"] = link
         columns[f"q{k + 1}_torque_nm"] = fields["act_torque_abs_nm"][k] * fields["u"][k]

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from identification.common.findings import CompstiffError, Finding, error
+from identification.common.findings import CompstiffError, Finding, counted, error
 from identification.common.sizes import LARGEST_CELL
 from identification.formats.force_samples import ForceSamples
 
@@ -31,7 +31,8 @@ END = "***End_of_Header***"
 NEWTONS = {"N": 1.0, "Newton": 1.0, "Newtons": 1.0, "newton": 1.0, "newtons": 1.0, "kN": 1e3, "mN": 1e-3,
            "lbf": 4.4482216152605}
 NEWTON_METRES = {"Nm": 1.0, "N*m": 1.0, "Newton*meter": 1.0, "Newton*meters": 1.0, "kNm": 1e3, "kN*m": 1e3, "Nmm": 1e-3,
-                 "N*mm": 1e-3, "mNm": 1e-3, "Ncm": 1e-2, "lbf*ft": 1.3558179483314, "lbf*in": 0.1129848290276}
+                 "N*mm": 1e-3, "mNm": 1e-3, "mN*m": 1e-3, "Ncm": 1e-2, "N*cm": 1e-2, "lbf*ft": 1.3558179483314,
+                 "lbf*in": 0.1129848290276}
 # Names of channels that are none, whatever they are chosen for.
 NO_LOAD = re.compile(r"tach|rpm|speed|drehzahl", re.IGNORECASE)
 # A step between blocks that is longer than this many samples is a gap.
@@ -77,7 +78,8 @@ def read_lvm(file: str | Path, channels: Sequence[str] = CHANNELS) -> ForceSampl
         step = np.diff(time)
         gaps, back = int(np.sum(step > GAP * np.median(step))), int(np.sum(step <= 0))
         if gaps or back:
-            findings.append(Finding("CS0205", "warning", f"{gaps} gaps between blocks, {back} steps back in time", file=name,
+            said = [counted(gaps, "gap")] * bool(gaps) + [f"{counted(back, 'step')} back in time"] * bool(back)
+            findings.append(Finding("CS0205", "warning", f"{' and '.join(said)} between blocks", file=name,
                                     hint="blocks were not acquired without a break"))
     return ForceSamples(name, time - time[0], values[:, :3], values[:, 3:] if len(present) == 6 else None,
                         findings=tuple(findings))

@@ -112,7 +112,8 @@ def read_motion_log(file: str | Path) -> MotionLog:
         lag = 0.0 if logged is None else _lag(np.radians(logged), speed)
         if abs(lag) >= WORTH_SAYING:
             step = 1e3 * float(time[1] - time[0])
-            findings.append(Finding("CS1506", "note", f"q{k}_speed_deg_s lies {abs(lag) * step:.1f} ms "
+            more = " or more" if abs(lag) > MOST_LAG - 0.1 else ""
+            findings.append(Finding("CS1506", "note", f"q{k}_speed_deg_s lies {abs(lag) * step:.1f} ms{more} "
                                     f"{'behind' if lag > 0 else 'ahead of'} the motor angle; the speed is taken from the angle",
                                     file=name))
     return MotionLog(name, time, logs, tuple(findings), sha256(file))
@@ -164,7 +165,10 @@ def _check_time(time: Array, line: NDArray[np.intp] | None, name: str) -> None:
 
 
 def _lag(logged: Array, speed: Array) -> float:
-    """By how many samples a logged speed (n,) lies behind the motor angle's (n,), by the least squared difference."""
+    """By how many samples a logged speed (n,) lies behind the motor angle's (n,), by the least squared difference; 0 where too
+    few are left to compare."""
+    if len(speed) < 4 * MOST_LAG:
+        return 0.0
     n, index = len(speed), np.arange(len(speed), dtype=float)
     inner = slice(MOST_LAG, n - MOST_LAG)
     lags = np.arange(-MOST_LAG, MOST_LAG + 0.05, 0.1)

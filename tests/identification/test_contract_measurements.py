@@ -112,6 +112,22 @@ def test_complaints(tmp_path, lines, code, line, column, words) -> None:
     assert finding.file.endswith("measurements.csv")
 
 
+@pytest.mark.parametrize(("header", "row", "code", "column", "message"), [
+    (HEADER, "10,5,20,30,60,40,0,100,0,{},-50000,5", "CS1006", None, "a deflection of {:.4g} mm, the limit is 50 mm"),
+    (HEADER, "10,5,20,30,60,40,0,100,0,5,{},", "CS1006", None, "a deflection of {:.4g} mm, the limit is 50 mm"),
+    (HEADER, "10,5,20,30,60,40,0,{},0,1,2,3", "CS1080", 8, "column 'fy_n': found {:g}, the limit is 1e+09"),
+    (HEADER + ",mx_nm,my_nm,mz_nm", ROW + ",0,0,{}", "CS1080", 15, "column 'mz_nm': found {:g}, the limit is 1e+09")])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_sizes_that_cannot_be_right_are_refused_beyond_their_limit(tmp_path, header, row, code, column, message, sign) -> None:
+    """At it, and without a word, they are read."""
+    limit = sign * (50e3 if code == "CS1006" else 1e9)
+    assert len(read(tmp_path, header, ROW + header.removeprefix(HEADER).count(",") * ",0", row.format(limit))) == 2
+    beyond = limit * 1.2
+    found = complaint(tmp_path, header, ROW + header.removeprefix(HEADER).count(",") * ",0", row.format(beyond))
+    assert (found.code, found.line, found.column) == (code, 3, column)
+    assert found.message == message.format(abs(1e-3 * beyond) if code == "CS1006" else beyond)
+
+
 def test_all_places_at_fault_are_named(tmp_path) -> None:
     with pytest.raises(CompstiffError) as caught:
         read(tmp_path, HEADER, ROW.replace("100", "x"), ROW, ROW.replace("1.5", "y"))
@@ -180,8 +196,25 @@ def test_complaints_about_masses(tmp_path, lines, code, line, words) -> None:
     assert line is None or finding.line == line
 
 
+@pytest.mark.parametrize(("mass", "said"), [(5000, False), (-5000, False), (5001, True), (-5001, True)])
+def test_a_mass_beyond_five_tonnes_is_in_another_unit(tmp_path, mass, said) -> None:
+    path = tmp_path / "measurements.csv"
+    path.write_text("\n".join([HUNG, HUNG_ROW, HUNG_ROW.replace(",25,", f",{mass},")]) + "\n")
+    cell = read_cell(write_cell(tmp_path))
+    if not said:
+        assert_allclose(read_measurements(path, cell).wrench[1, 2], -9.80665 * mass)
+        return
+    with pytest.raises(CompstiffError) as caught:
+        read_measurements(path, cell)
+    (found,) = caught.value.findings
+    assert (found.code, found.line, found.column, found.message) == (
+        "CS1510", 3, 7, f"a mass of {mass} kg, the limit is 5000")
+
+
 def test_masses_without_a_cell_are_refused(tmp_path) -> None:
+    """A column of masses that no row fills asks for none: all loads are forces."""
     assert complaint(tmp_path, HUNG, HUNG_ROW).code == "CS1509"
+    assert_allclose(read(tmp_path, HEADER + ",mass_kg", ROW + ",").wrench[0, :3], [0, 100, 0])
 
 
 def up_and_down(step: float, visits: int = 6) -> list[str]:
@@ -274,6 +307,9 @@ def test_time_runs_on_where_the_clock_begins_anew(tmp_path: Path, times, running
     rows, codes = timed(tmp_path, *times)
     assert_allclose(rows.time, running)
     assert codes == said
+    for finding in rows.findings:
+        if finding.code == "CS1008":
+            assert (finding.level, finding.line, finding.column) == ("warning", 3, 13)
 
 
 def test_what_is_wrong_is_told_in_the_order_of_the_lines(tmp_path: Path) -> None:

@@ -107,6 +107,23 @@ def test_each_program_is_taken_once(place: Shop) -> None:
     assert sorted(watched.settled()) == [("b.mod", "ok"), ("c.mod", "ok")]
 
 
+@pytest.mark.parametrize(("program", "log", "said"), [
+    (True, False, True), (True, True, False), (False, True, False), (False, False, False)])
+def test_a_program_that_changed_without_its_log_is_told(place: Shop, program: bool, log: bool, said: bool) -> None:
+    """Not where it was milled anew too, nor where the cell is another: then the forces are its own."""
+    watched = Watched(place)
+    (file,) = place.put("a")
+    assert watched.settled() == [("a.mod", "ok")]
+    for path, changed, mark in ((file, program, "! a comment\n"), (place.source / "a.forces.csv", log, "# a comment\n"),
+                                (place.cell, not (program or log), "# a comment\n")):
+        if changed:
+            path.write_text(path.read_text() + mark)
+    assert watched.settled() == [("a.mod", "ok")]
+    told = [(one["level"], one["message"]) for one in entries(watched.out)[-1]["findings"] if one["code"] == "CS6012"]
+    assert told == [("warning", "changed since it was last corrected, its force log did not: the forces are taken for those of "
+                     "the new program")] * said
+
+
 def test_a_restart_goes_on_where_the_last_run_ended(place: Shop) -> None:
     place.put("a")
     first = Watched(place)

@@ -132,6 +132,45 @@ def test_a_program_that_goes_while_it_is_looked_at_is_taken_when_it_is_back(
     assert watched.settled() == [("a.mod", "ok")]
 
 
+@pytest.mark.parametrize("shut", ["a.mod", "a.forces.csv", "cell.yaml"])
+def test_a_program_with_a_file_that_may_not_be_read_waits_and_is_said_once(
+        place: Shop, monkeypatch: pytest.MonkeyPatch, shut: str) -> None:
+    """Permissions change and the file's time does not: it is taken once they do. Root may read everything, hence no chmod."""
+    file = (place.folder if shut == "cell.yaml" else place.source) / shut
+    watched = Watched(place)
+    opening = os.open
+
+    def refused(path: Any, *given: Any, **more: Any) -> int:
+        if Path(path) == file:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return opening(path, *given, **more)
+
+    place.put("a")
+    monkeypatch.setattr(os, "open", refused)
+    assert watched.after(0) == watched.after(4.9) == []       # it may be of somebody who still writes it
+    (waiting,) = watched.after(0.2)
+    (said,) = waiting.findings
+    assert (waiting.status, waiting.code, said.code, said.level, said.file) == ("waiting", 0, "CS6014", "warning", str(file))
+    assert said.message == f"{shut} cannot be read: {os.strerror(errno.EACCES)}; the program waits"
+    assert watched.settled() == []
+    monkeypatch.undo()
+    assert watched.settled() == [("a.mod", "ok")]
+
+
+def test_a_disk_that_fails_within_a_file_is_said_of_its_program(place: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(place)
+    place.put("a")
+
+    def broken(path: Path) -> str:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(watching, "sha256", broken)
+    assert watched.settled() == [("a.mod", "waiting")]
+    assert watched.settled() == []
+    monkeypatch.undo()
+    assert watched.settled() == [("a.mod", "ok")]
+
+
 def test_ctrl_c_in_a_correction_ends_the_watch_and_the_program_is_taken_again(
         place: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
     watched = Watched(place)

@@ -399,6 +399,20 @@ def test_any_line_and_poses_that_are_kept_back(written, tmp_path):
     np.testing.assert_allclose(asked, rows.wrench[np.any(rows.wrench != 0, axis=1), :3], atol=0.0501)
 
 
+def test_the_gain_of_any_line_is_told_of_the_joints_that_loads_turn(tmp_path):
+    """The tool point stands on axis 6: neither plan tells k6, and "known within a factor 13 instead of 13" says nothing."""
+    cell = write_cell(tmp_path, CELL.replace("[120, 0, 250]", "[0, 0, 250]"))
+    result = run(cell, "-o", tmp_path / "p.csv", "--measurements", 2, "--direction", "free", "--quick", "--json")
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.stdout)["result"]
+    stds = [joint["log_std_after"] for joint in content["forecast"]["joints"]]
+    assert [joint["joint"] for joint in content["unseen"]] == [6]
+    assert stds[5] > 1
+    gain = content["gain"]
+    assert gain["largest_log_std"] == pytest.approx(max(stds[:5]), rel=1e-9)
+    assert gain["largest_log_std"] < gain["largest_log_std_there"] < 1
+
+
 def test_no_pose_near_a_singularity(written):
     """Wrist, elbow and shoulder by where the axes and links really stand."""
     cell = read_cell(written[0] / "cell.yaml")

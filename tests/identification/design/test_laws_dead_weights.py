@@ -218,8 +218,12 @@ def test_further_runs_without_the_weights_are_told(written, asked):
     carried = compliance_matrix(cell.robot, rows.theta, cell.flange_from_tcp, 1 / cell.prior.stiffness)[:, :3]
     filled = replace(rows, deflection=np.einsum("nij,nj->ni", carried, rows.wrench))
     findings = prepare(cell, Request(measurements=1, measured=filled, dead_weight=asked), None).findings
-    told = [finding.hint for finding in findings if finding.code == "CS1513"]
-    assert told == ([] if asked else ["--dead-weight 20,40,60 plans for the same weights"])
+    told = [(finding.level, finding.message, finding.hint) for finding in findings if finding.code == "CS1513"]
+    assert told == [("warning", f"the loads of {rows.source} are weights that hung, those of these runs are pushed, by up to "
+                     "300 N and sideways too", "--dead-weight 20,40,60 plans for the same weights")] * (asked is None)
+    pushed = replace(filled, hung=None)
+    findings = prepare(cell, Request(measurements=1, measured=pushed, dead_weight=asked), None).findings
+    assert "CS1513" not in {finding.code for finding in findings}
 
 
 def test_calls_that_contradict_themselves(written, tmp_path):

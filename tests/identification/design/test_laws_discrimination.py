@@ -239,8 +239,19 @@ def test_files_that_are_no_diagnosis_of_this_cell(hard, tmp_path):
     wrong = tmp_path / "wrong.json"
     content = json.loads((folder / "diagnosis.json").read_text())
     strange = content["alternatives"] + [{"effect": "gremlins", "joint": None, "probability": 0.1}]
-    for text in ("{", "[]", json.dumps(content | {"format": "other"}), json.dumps(content | {"robot": "other"}),
-                 json.dumps(content | {"alternatives": strange})):
+    elsewhere = [content["alternatives"][0] | {"effect": "backlash", "joint": 9}]
+    for text, says in (
+        ("{", "not a diagnosis file: Expecting property name"), ("[]", "not a diagnosis file: its format is not compstiff-"),
+        (json.dumps(content | {"format": "other"}), "not a diagnosis file: its format is not compstiff-diagnosis"),
+        (json.dumps(content | {"robot": "other"}), f"the diagnosis is of robot other, the cell has {cell.robot.name}"),
+        (json.dumps(content | {"verdict": 5}), "verdict: Input should be "),
+        (json.dumps(content | {"alternatives": strange}), "the diagnosis names gremlins at joint None, which no effect here"),
+        (json.dumps(content | {"alternatives": elsewhere}), "the diagnosis names backlash at joint 9, which no effect here")):
         wrong.write_text(text)
-        with pytest.raises(CompstiffError, match="CS1650"):
+        with pytest.raises(CompstiffError) as refused:
             read_diagnosis(wrong, cell)
+        (finding,) = refused.value.findings
+        assert (finding.code, finding.file) == ("CS1650", str(wrong))
+        assert finding.message.startswith(says)
+    wrong.write_text(json.dumps(content))
+    assert read_diagnosis(wrong, cell).verdict == content["verdict"]

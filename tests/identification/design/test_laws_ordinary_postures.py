@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from identification.design import posture
 from identification.design.criteria import d_criterion
 from identification.design.domain import Domain, random_pool
 from identification.design.information import instrument, run_information
@@ -12,7 +16,7 @@ from identification.design.loads import slot
 from identification.design.posture import COST, least_turned, ordinary, reaching_back
 from identification.design.procedure import design_plan
 from identification.design.request import Request
-from identification.design.search import Effort, optimal_design
+from identification.design.search import Design, Effort, optimal_design
 from identification.design.task import Task, free_demand
 from identification.model.cell import read_cell
 from tests.support import write_cell
@@ -47,10 +51,15 @@ def test_the_tool_stays_where_it_is_and_tells_as_much(tmp_path, robot):
     np.testing.assert_allclose(told[1], told[0], rtol=1e-9, atol=1e-9 * np.abs(told[0]).max())
 
 
+def found_for(domain: Domain) -> Design:
+    task = Task(domain, d_criterion(), np.eye(6) / domain.rig.cell.prior.log_std**2, free_demand(1, 6))
+    return optimal_design(task, np.random.default_rng(32), Effort(poses=600, exchanges=10, refinements=2, moves=0, climbs=4))
+
+
 def test_poses_in_front_cost_little(tmp_path):
     domain = domain_of(tmp_path, SERIAL)
-    task = Task(domain, d_criterion(), np.eye(6) / domain.rig.cell.prior.log_std**2, free_demand(1, 6))
-    found = optimal_design(task, np.random.default_rng(32), Effort(poses=600, exchanges=10, refinements=2, moves=0, climbs=4))
+    found = found_for(domain)
+    task = found.task
     back = reaching_back(domain, found.runs.theta).sum()
     assert back, "the case is none"
     after, findings = ordinary(found)
@@ -60,6 +69,35 @@ def test_poses_in_front_cost_little(tmp_path):
     assert after.certificate.efficiency <= task.value(after.runs) / after.certificate.bound * (1 + 1e-6)
     assert (domain.excess(after.runs) <= 1e-6).all()
     assert [finding.code for finding in findings] == ["CS0013"] * bool(left)
+
+
+@pytest.mark.parametrize(("share", "slips", "words"), [
+    (0.981, False, ""), (0.979, False, "poses in front in their place would cost 2 % of the criterion or more"),
+    (0.9, False, "poses in front in their place would cost 10 % of the criterion or more"),
+    (0.9, True, "no pose in front was found in their place"), (None, False, "no pose in front was found in their place")])
+def test_what_a_pose_in_front_would_cost_is_said(tmp_path, monkeypatch, share, slips, words):
+    """From 2 % on. Not of one that has none in front at all, or whose search leads back again: that had been told to cost
+    0 %."""
+    domain = domain_of(tmp_path, SERIAL)
+    found = found_for(domain)
+    back = reaching_back(domain, found.runs.theta)
+    assert back.any(), "the case is none"
+    if share is None:
+        backwards = reaching_back(domain, found.pool.theta)
+        found = replace(found, pool=found.pool.take(backwards))
+    else:
+        monkeypatch.setattr(posture, "refined", lambda task, start: (SimpleNamespace(
+            value=share * found.certificate.value, runs=found.runs if slips else start), None))
+    after, findings = ordinary(found)
+    if not words:
+        assert (findings, reaching_back(domain, after.runs.theta).any()) == ((), False)
+        return
+    (said,) = findings
+    angles = np.degrees(after.runs.theta[reaching_back(domain, after.runs.theta), 0])
+    assert len(angles) == back.sum()
+    assert (said.code, said.level, said.message) == (
+        "CS0013", "note", f"{back.sum()} of 6 poses reach over the robot's back (axis 1 at "
+        f"{', '.join(f'{angle:.0f}' for angle in angles)} deg): {words}")
 
 
 def test_the_cell_s_windows_hold(tmp_path):

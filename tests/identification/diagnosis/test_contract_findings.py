@@ -95,6 +95,42 @@ def test_a_cause_that_was_not_looked_for_is_said_in_words_with_why(adequate: Dia
         ("note", "parallelogram was not looked for: the robot has no parallel rod", None)]
 
 
+@pytest.mark.parametrize("times", [True, False])
+@pytest.mark.parametrize("dwells", [True, False])
+def test_what_was_taken_of_times_that_no_row_states_is_said(adequate: Diagnosis, times: bool, dwells: bool) -> None:
+    """One time, or one dwell, is as good as a clock here: the sheet has one."""
+    plain = adequate.judgement.plain
+    rows, one = plain.data.rows, np.arange(len(plain.data.rows)) == 3
+    blank = replace(rows, time=np.where(one & times, rows.time, np.nan), dwell=np.where(one & dwells, rows.dwell, np.nan))
+    drift = "drift and softening were looked for in the order of the rows, 60 s each: time_s is not given"
+    creep = "creep was looked for as if each load had been on {}: dwell_s is not given".format(
+        "since the reading before" if times else "for 60 s")
+    assert told(adequate, "CS1409") == []
+    assert told(adequate, "CS1409", plain=replace(plain, data=plain.data.with_rows(blank))) == [
+        *[("note", drift, None)] * (not times), *[("note", creep, None)] * (not dwells)]
+
+
+def test_noise_that_was_stated_too_small_is_said_with_what_was_stated(adequate: Diagnosis) -> None:
+    """Where nothing is stated the sentence says what is usual, and times of that."""
+    assert told(adequate, "CS1403") == []
+    assert told(adequate, "CS1403", scatter={"sensor noise": 2.54, "re-seating (3 um is usual)": 11.0}) == [
+        ("warning", "the sensor noise would have to be 2.5 times the stated", None),
+        ("warning", "the re-seating (3 um is usual) would have to be 11.0 times that", None)]
+
+
+@pytest.mark.parametrize(("verdict", "stated", "said"), [
+    ("adequate", 0.0, True), ("adequate", 0.01, False), ("unknown", 0.0, False)])
+def test_what_no_deflection_tells_is_said_where_all_is_well(adequate: Diagnosis, verdict: str, stated: float, said: bool
+                                                           ) -> None:
+    """Not where cell.yaml has the scale's own uncertainty, which the intervals then take in."""
+    plain, cell = adequate.judgement.plain, adequate.cell
+    scale = replace(cell, noise=replace(cell.noise, force_gain=stated))
+    judged_by = replace(plain, data=replace(plain.data, cell=scale))
+    found = told(adequate, "CS1406", verdict=verdict, plain=judged_by, extended=judged_by)
+    assert found == [("note", "a wrong scale of the force sensor (force_gain) can never be seen in deflections alone: it is "
+                      "the same as all stiffnesses changed together", None)] * said
+
+
 def test_poses_that_stand_out_and_are_kept_are_said(adequate: Diagnosis) -> None:
     """The worst one's line; where they are left out, that is said of each instead (CS1730), and of rows (CS1407)."""
     nothing = np.zeros(3)

@@ -15,21 +15,24 @@ from tests.runs.command_line import user_files as kit
 SPRINGS = np.array([1.6e6, 3.1e6, 2.4e6, 0.6e6, 0.4e6, 0.12e6])
 POSES = np.array([[10, 20, 5, 30, 60, 20], [-15, 35, -5, -40, -50, -60], [5, 10, 15, 60, 70, 100], [20, 30, 0, 20, -70, 40],
                   [-25, 15, 10, -70, 65, 10], [0, 25, -10, 110, -60, -30], [30, 5, 20, -20, 80, 70], [-5, 40, 5, 50, 55, -80]])
-SIDEWAYS = (6, 7)
+FEW_PULLED = ((6, 7), "loaded sideways, and none of those that hang")
+FEW_HUNG = ((0, 1, 2, 3, 4, 5), "loaded by what hangs, and none of those that are loaded sideways")
 
 
-@pytest.mark.parametrize(("mass_factor", "force_factor", "slip", "said"), [
-    (1.0, 1.0, None, False), (2.20462, 1.0, None, True), (1.0, 1 / 9.80665, None, True), (1.0, 1.0, 7, False),
-    (1.0, 1.0, 2, False)])
+@pytest.mark.parametrize(("kinds", "mass_factor", "force_factor", "slip", "said"), [
+    (FEW_PULLED, 1.0, 1.0, None, False), (FEW_PULLED, 2.20462, 1.0, None, True), (FEW_PULLED, 1.0, 1 / 9.80665, None, True),
+    (FEW_HUNG, 2.20462, 1.0, None, True), (FEW_PULLED, 1.0, 1.0, 7, False), (FEW_PULLED, 1.0, 1.0, 2, False)])
 def test_one_kind_of_load_in_another_unit_is_said(
-    tmp_path: Path, mass_factor: float, force_factor: float, slip: int | None, said: bool
+    tmp_path: Path, kinds: tuple[tuple[int, ...], str], mass_factor: float, force_factor: float, slip: int | None, said: bool
 ) -> None:
-    """Masses written in pounds, pulls in kilograms-force; and a slip at a single pose of either kind, which is neither."""
+    """Masses written in pounds, pulls in kilograms-force, the fewer poses being those that do not fit; and a slip at a single
+    pose of either kind, which is neither."""
+    sideways, words = kinds
     rng = np.random.default_rng(1736)
     rows = ["pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,mass_kg,fx_n,fy_n,fz_n,dx_um,dy_um,dz_um"]
     for number, pose in enumerate(POSES):
         wrong = 3.0 if number == slip else 1.0
-        if number in SIDEWAYS:
+        if number in sideways:
             loads = [(f",0,{force_factor * push:.4f},0", np.array([0, wrong * push, 0]))
                      for push in (0.0, 600.0, -600.0, 0.0)]
         else:
@@ -46,4 +49,4 @@ def test_one_kind_of_load_in_another_unit_is_said(
     found = [one.message for one in fit_stiffness(cell, read_measurements(tmp_path / "m.csv", cell)).findings
              if one.code == "CS1736"]
     assert len(found) == said
-    assert all("2 poses that do not fit are loaded sideways" in one for one in found)
+    assert all(one == f"all 2 poses that do not fit are {words}: one kind of load contradicts the other" for one in found)

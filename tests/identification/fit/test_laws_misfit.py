@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.linalg import sqrtm
 from scipy.spatial.transform import Rotation
-from scipy.stats import f
+from scipy.stats import f, norm
 
 from identification.common.findings import CompstiffError
 from identification.diagnosis.diagnose import diagnose
@@ -18,7 +20,7 @@ from identification.fit.fit import Fit, fit_stiffness
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
-from identification.fit.noise_parts import SetUp
+from identification.fit.noise_parts import SetUp, VarianceComponents
 from identification.fit.posterior import posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
@@ -248,3 +250,51 @@ def test_a_kind_of_misfit_is_as_unlikely_as_the_f_distribution_says(seed: int, t
             tried += 1
             assert misfit._p_value(degrees, columns) == pytest.approx(expected, rel=1e-6)
     assert tried >= 2
+
+
+ALL = dict.fromkeys(("sensor", "force", "absolute", "offset"), True)
+
+
+@pytest.mark.parametrize(("part", "limit", "stated", "relative", "words"), [
+    ("sensor", 4.0, ALL, None, "the sensor noise would have to be {:.1f} times the stated"),
+    ("absolute", 4.0, ALL, None, "the absolute force error would have to be {:.1f} times the stated"),
+    ("offset", 4.0, ALL, None, "the re-seating would have to be {:.1f} times the stated"),
+    ("offset", 10.0, {}, None, "the re-seating (3 um is usual) would have to be {:.1f} times that"),
+    ("force", 10.0, {}, None, "the force error (0.5 % is usual) would have to be {:.1f} times that"),
+    ("absolute", np.inf, {}, None, ""),
+    ("setup", 25.0, {}, None, "the forces would have to differ by {:.2g} % from one set-up to the next (0.1 % is usual)"),
+    ("setup", 20.0, ALL, 0.005, "the forces would have to differ by {:.2g} % from one set-up to the next (0.5 % is stated of "
+     "each force)"),
+    ("setup", 10.0, ALL, 0.001, "the forces would have to differ by {:.2g} % from one set-up to the next (0.1 % is stated of "
+     "each force)"),
+    ("memory", 60.0, {}, None, "the readings of a pose would have to be alike by {:.0f} % (9 % is usual)")])
+def test_noise_is_granted_so_many_times_what_is_stated_or_usual(
+    part: str, limit: float, stated: dict[str, bool], relative: float | None, words: str,
+) -> None:
+    """Four times what is stated; of what no file states what whoever measures would know of. The chance of an estimate that
+    large where the noise is at the limit is one in twenty."""
+    parts = ("sensor", "force", "absolute", "offset", "setup", "memory")
+    passes, active = np.full(3, ""), [True] * 4 + [part == name for name in ("setup", "memory")]
+
+    def said(times: float, spread: float = 0.0, **more: float) -> list[str]:
+        sizes: dict[str, Any] = {part: times * limit if limit < np.inf else 1e6, **more}
+        noise = SimpleNamespace(stated=[stated.get(name, False) for name in parts], active=active)
+        told = SimpleNamespace(force_relative=relative, force_relative_stated=relative is not None)
+        fit: Any = SimpleNamespace(
+            data=SimpleNamespace(rows=SimpleNamespace(machined_pass=passes), cell=SimpleNamespace(noise=told)),
+            at_map=SimpleNamespace(noise=noise), components=VarianceComponents(**sizes), components_log_std=np.full(6, spread))
+        return [misfit.needed(*one) for one in misfit.beyond_stated(fit, 4.0).items()]
+
+    size = 1.001 * limit
+    shown = {"setup": 0.1 * size, "memory": 100 * 0.1 * size / (1 + 0.1 * size)}.get(part, size)
+    assert said(0.999) == []
+    assert said(1.001) == ([words.format(shown)] if words else [])
+    for chance, rare in ((0.06, False), (0.04, True)):
+        assert bool(said(np.exp(0.5 * norm.isf(chance)), 0.5)) == (rare and bool(words))
+    if part == "memory":
+        assert said(1.001, sensor=0.09) == []       # of a sensor that hardly scatters nobody minds it
+    if part in ("setup", "memory"):
+        active = [True] * 4 + [False] * 2
+        assert said(1.001) == []
+    active, passes = [True] * 4 + [part == name for name in ("setup", "memory")], np.array(["", "P1", "P1"])
+    assert said(1.001) == []                        # the mean of a stretch of a pass is no reading at rest

@@ -1,5 +1,6 @@
 """The posterior: found again on independent data, exact where it can be, honest where the data say nothing."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ from scipy.optimize import minimize
 
 from benchmarks import fifth_arm
 from identification.common.findings import CompstiffError
+from identification.fit import posterior as posteriors
 from identification.fit.fit import fit_stiffness
 from identification.fit.fitted_model import response
 from identification.fit.linear_start import check_sign
@@ -312,10 +314,34 @@ def test_readings_that_show_nothing_have_no_wrong_sign(tmp_path) -> None:
         assert not set(fit.model.grades) & {"reliable"}
 
 
-def test_only_validation_rows(tmp_path) -> None:
+@pytest.mark.parametrize("loaded", [0, 1])
+def test_only_validation_rows_that_are_loaded(tmp_path, loaded) -> None:
+    """The zeros alone tell nothing of a spring; one load is little, and no spring is called reliable by it."""
     cell, rows = simulate(tmp_path, np.random.default_rng(8))
-    with pytest.raises(CompstiffError, match="CS1009"):
-        fit_stiffness(cell, replace(rows, validate=np.ones(len(rows), dtype=bool)))
+    wrench = rows.wrench.copy()
+    wrench[:3] = 0.0
+    rows = replace(rows, wrench=wrench, validate=np.arange(len(rows)) >= 3 + loaded)
+    if loaded:
+        assert "not identifiable" in fit_stiffness(cell, rows).model.grades
+        return
+    with pytest.raises(CompstiffError) as raised:
+        fit_stiffness(cell, rows)
+    (said,) = raised.value.findings
+    assert (said.code, said.message) == ("CS1009", "no loaded row has the purpose identify: all are kept for validation")
+
+
+def test_a_search_that_runs_out_of_steps_says_so(tmp_path, monkeypatch) -> None:
+    cell, rows = simulate(tmp_path, np.random.default_rng(8))
+    monkeypatch.setattr(posteriors, "MAX_STEPS", 1)
+    with pytest.raises(CompstiffError) as raised:
+        fit_stiffness(cell, rows)
+    (said,) = raised.value.findings
+    assert (said.code, said.file) == ("CS1011", rows.source)
+    told = re.fullmatch(r"the fit did not converge in 1 steps: the last moved by (\S+) posterior standard deviations",
+                        said.message)
+    assert told
+    assert float(told[1]) > 0.1
+
 
 
 def test_a_few_rows_and_many_rows_are_quick(tmp_path) -> None:

@@ -30,6 +30,7 @@ from identification.fit.visit_findings import visit_findings
 from identification.fit.visits import score_visits
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
+from identification.model.compliance import regressor
 from tests.virtual_cell.cell import Case, Hidden, simulate
 from tests.virtual_cell.effects_at_poses import mistaken_pose, rewrite, table
 from tests.virtual_cell.noise import Noise
@@ -285,7 +286,43 @@ def test_a_pose_of_the_validation_rows_is_named(tmp_path: Path) -> None:
     fit = fit_stiffness(*read(case, tmp_path, wrong_angle("P22", 5, other_sign)))
     assert fit.validation is not None
     assert [bad.score.name for bad in fit.validation.visits] == ["P22"]
-    assert "CS1733" in codes(fit)
+    (said,) = [finding for finding in fit.findings if finding.code == "CS1733"]
+    whole, without = (1e6 * np.sqrt(np.nanmean(fit.residual[kept] ** 2)) for kept in (
+        fit.measurements.validate, fit.measurements.validate & (fit.measurements.pose != "P22")))
+    assert (said.level, said.line) == ("warning", int(fit.measurements.line[fit.measurements.pose == "P22"][0]))
+    assert said.message.startswith("validation: the three readings of P22 do not fit any stiffness that fits the other poses")
+    assert said.message.endswith(f"; the validation figure is {whole:.1f} um RMS with all rows, {without:.1f} um without the "
+                                 "outliers")
+    assert "axis 5 is " in said.hint
+
+
+@pytest.mark.parametrize("wrong", [0, 1, 2, 4])
+def test_validation_rows_that_the_stiffnesses_do_not_predict_are_said(wrong: int, tmp_path: Path) -> None:
+    """Of four poses one is a slip, two are more than a third: the figure was given with them, and not a word. Where all are
+    off none stands out from the others either."""
+    case = simulate(71031, "poses20", noise=SHEET, validation=4)
+    fit = fit_stiffness(*read(case, tmp_path, *(wrong_angle(f"P{22 + number % 3}" if number < 3 else "P21", 5, other_sign)
+                                                for number in range(wrong))))
+    said = [finding for finding in fit.findings if finding.code in ("CS1732", "CS1733", "CS1737")]
+    assert [finding.code for finding in said] == ([] if not wrong else ["CS1733"] if wrong == 1 else ["CS1737"])
+    kept = fit.measurements.validate
+    assert fit.validation is not None
+    assert fit.validation.expected == pytest.approx(rms_of_noise_and_springs(fit), rel=0.3)
+    if wrong > 1:
+        assert said[0].level == "warning"
+        assert said[0].message == (
+            f"{3 * wrong} of 12 validation rows are off by more than chance allows, too many to be single mistakes: "
+            f"{1e6 * np.sqrt(np.nanmean(fit.residual[kept] ** 2)):.1f} um RMS over all of them, where their uncertainty "
+            f"expects {1e6 * fit.validation.expected:.1f} um")
+
+
+def rms_of_noise_and_springs(fit: Fit) -> float:
+    """How far off readings are expected to be that scatter as the sheet says, each pose re-seated anew, with springs known as
+    well as that [m]; forces' own errors, smaller here, left out."""
+    rows = fit.measurements.select(fit.measurements.validate)
+    slope = regressor(fit.cell.robot, rows.theta, fit.cell.flange_from_tcp, rows.wrench)[:, :3] / fit.model.stiffness
+    springs = np.einsum("nij,jk,nik->ni", slope, fit.model.covariance[:6, :6], slope)
+    return float(np.sqrt(1e-12 * (SHEET.sensor_um**2 + SHEET.pose_offset_um**2) + springs.mean()))
 
 
 @pytest.mark.parametrize(("offset_um", "said"), [(3.0, False), (25.0, True)])
@@ -351,20 +388,23 @@ def test_the_zero_is_not_said_to_move_by_more_than_any_pose_is_off() -> None:
     assert moving_zero(reseated(OFF, 30.0, False)) == []
 
 
-# Long: the same once more.
-@pytest.mark.parametrize("seed", [71033, pytest.param(71037, marks=pytest.mark.long)])
-def test_more_than_a_third_of_the_poses_are_no_single_mistakes(seed: int, tmp_path: Path) -> None:
-    """Five of twelve, each off by 8 to 25 degrees: none is left out, and it is said that they are too many."""
+# Long: the same once more, and as many as are still looked for, which takes longest.
+@pytest.mark.parametrize(("count", "seed"), [
+    pytest.param(4, 71033, marks=pytest.mark.long), (5, 71033), pytest.param(5, 71037, marks=pytest.mark.long)])
+def test_more_than_a_third_of_the_poses_are_no_single_mistakes(count: int, seed: int, tmp_path: Path) -> None:
+    """Five of twelve, each off by 8 to 25 degrees: none is left out, and it is said that they are too many; four are found."""
     case = simulate(71032, "ladder12", noise=SHEET)
     rng = np.random.default_rng(seed)
-    wrong = rng.choice(list(dict.fromkeys(case.pose)), 5, replace=False)
-    off = rng.choice([-1, 1], 5) * rng.uniform(8, 25, 5)
+    wrong = rng.choice(list(dict.fromkeys(case.pose)), count, replace=False)
+    off = rng.choice([-1, 1], count) * rng.uniform(8, 25, count)
 
     def turned(by: float) -> Callable[[str], str]:
         return lambda text: f"{float(text) + by:.4f}"
 
     edits = [wrong_angle(pose, int(rng.integers(2, 5)), turned(by)) for pose, by in zip(wrong, off, strict=True)]
     test = bad_visits(posterior(LoadTest.of(*read(case, tmp_path, *edits))))
-    assert test.too_many
-    assert not test.bad
-    assert [finding.code for finding in visit_findings(test, (), "measurements.csv", "left out")] == ["CS1731"]
+    too_many = count > 12 / 3
+    assert test.too_many == too_many
+    assert {score.name for score in test.bad} == (set() if too_many else set(wrong))
+    said = visit_findings(test, (), "measurements.csv", "left out")
+    assert [finding.code for finding in said] == ["CS1731"] * too_many

@@ -75,7 +75,7 @@ def lvm(blocks: list[tuple[float, np.ndarray]], *, decimal: str = ".", x_columns
         count = rows.shape[1]
         lines += [f"Channels\t{count}", "Samples" + f"\t{len(rows)}" * count, "X_Dimension" + "\tTime" * count,
                   "X0" + f"\t{start:.6E}" * count, "Delta_X" + "\t0.000100" * count, "***End_of_Header***" + "\t" * count]
-        names = ("Fx", "Fy", "Fz")[:count]
+        names = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")[:count]
         if x_columns == "Multi":
             lines.append("\t".join(f"X_Value\t{name}" for name in names) + "\tComment")
             lines += ["\t".join(f"{start + 1e-4 * k:.6f}\t{x:.4f}" for x in row) for k, row in enumerate(rows)]
@@ -103,12 +103,18 @@ def test_lvm_blocks_stand_at_their_times(tmp_path: Path, x_columns: str, decimal
     assert [finding.code for finding in log.findings] == ["CS1613"]
 
 
-def test_lvm_gap_is_said(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("begins", "said"), [
+    ((0.0, 0.5, 0.501), "1 gap between blocks"), ((0.0, 0.5, 0.6), "2 gaps between blocks"),
+    ((0.0, 0.00106, 0.00206), "1 gap between blocks"), ((0.0, 0.00104, 0.00204), ""), ((0.0, 0.001, 0.002), ""),
+    ((0.5, 0.0, 0.001), "1 step back in time between blocks"),
+    ((0.5, 0.0, 0.1), "1 gap and 1 step back in time between blocks")])
+def test_lvm_gap_is_said(tmp_path: Path, begins: tuple[float, ...], said: str) -> None:
+    """Of blocks of ten samples each 0.1 ms, from half a step on that nothing was taken in."""
     path = tmp_path / "a.lvm"
-    path.write_text(lvm([(0.0, VALUES[:20, :3]), (0.5, VALUES[20:, :3])]))
+    path.write_text(lvm([(begin, VALUES[10 * k: 10 * k + 10, :3]) for k, begin in enumerate(begins)]))
     log = read_lvm(path)
-    assert log.time[20] == pytest.approx(0.5)
-    assert "CS0205" in [finding.code for finding in log.findings]
+    assert log.time[[0, 10, 20]] == pytest.approx(np.array(begins) - begins[0], abs=1e-9)
+    assert [(one.level, one.message) for one in log.findings if one.code == "CS0205"] == [("warning", said)][: bool(said)]
 
 
 def test_lvm_complaints(tmp_path: Path) -> None:
@@ -191,6 +197,8 @@ def test_net_ft_lost_late_and_faulty(tmp_path: Path) -> None:
     assert np.all(np.diff(log.time) > 0)
     assert [finding.message for finding in log.findings] == [
         "2 packets of 40 lost on the way", "1 packet came out of order", "1 sample with a sensor status that is not zero"]
+    assert [(finding.code, finding.level) for finding in log.findings] == [
+        ("CS0205", "warning"), ("CS0205", "note"), ("CS0205", "warning")]
     path.write_bytes(b"123")
     with pytest.raises(CompstiffError, match="expected a multiple of 36"):
         read_net_ft(path)
@@ -244,6 +252,36 @@ def test_lvm_units_are_what_the_file_states(tmp_path: Path) -> None:
         read_lvm(path)
     path.write_text(with_units(text, "N", "", "N"))
     assert ["states no unit for Fy" in finding.message for finding in read_lvm(path).findings] == [True]
+
+
+@pytest.mark.parametrize(("force", "moment", "newtons", "newton_metres"), [
+    ("N", "Nm", 1, 1), ("kN", "kN m", 1e3, 1e3), ("mN", "mN\N{MIDDLE DOT}m", 1e-3, 1e-3), ("Newtons", "N-m", 1, 1),
+    ("lbf", "lbf-ft", 0.45359237 * 9.80665, 0.45359237 * 9.80665 * 0.3048),
+    ("lbf", "lbf*in", 0.45359237 * 9.80665, 0.45359237 * 9.80665 * 0.0254), ("N", "N mm", 1, 1e-3),
+    ("N", "Ncm", 1, 1e-2), ("N", "N-cm", 1, 1e-2),
+    ("N", "N", 1, 0), ("Nm", "Nm", 0, 1), ("V", "Nm", 0, 1)])
+def test_lvm_numbers_are_taken_times_their_unit(
+    tmp_path: Path, force: str, moment: str, newtons: float, newton_metres: float,
+) -> None:
+    """A force where a moment belongs, and the other way round, is none; what is taken as it stands is not spoken of."""
+    path = tmp_path / "a.lvm"
+    values = np.round(VALUES[:20, :6], 4)
+    path.write_text(with_units(lvm([(0.0, values)]), *[force] * 3, *[moment] * 3), encoding="utf-8")
+    wrong = next((f"channel {name} is in {unit}, not a {what}" for name, unit, what, factor in (
+        ("Fx", force, "force", newtons), ("Mx", moment, "moment", newton_metres)) if not factor), "")
+    if wrong:
+        with pytest.raises(CompstiffError) as refused:
+            read_lvm(path)
+        (said,) = refused.value.findings
+        assert (said.code, said.message) == ("CS1612", wrong)
+        return
+    log = read_lvm(path)
+    assert log.moment is not None
+    assert log.force == pytest.approx(newtons * values[:, :3], rel=1e-9)
+    assert log.moment == pytest.approx(newton_metres * values[:, 3:], rel=1e-9)
+    assert [(one.code, one.message) for one in log.findings] == [
+        ("CS1613", f"channel {kind}{axis} is in {unit}: taken times {factor:g}")
+        for kind, unit, factor in (("F", force, newtons), ("M", moment, newton_metres)) for axis in "xyz" if factor != 1]
 
 
 def test_a_tachometer_is_no_force(tmp_path: Path) -> None:

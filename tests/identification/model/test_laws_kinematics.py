@@ -1,5 +1,7 @@
 """Forward and inverse kinematics against an independent arm, another library, and their own inverse."""
 
+import re
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -119,13 +121,30 @@ def test_singular_wrist_keeps_the_reference() -> None:
     assert_allclose(found, theta, atol=1e-12)
 
 
-def test_other_arms_are_refused(tmp_path) -> None:
-    text = built_in_robots()["irb6640-235-2.55"].read_text().replace("alpha_deg: 90,  a_mm: 0, ", "alpha_deg: 90,  a_mm: 40, ")
-    path = tmp_path / "offset-wrist.yaml"
-    path.write_text(text)
+@pytest.mark.parametrize(("joint", "key", "value", "condition"), [
+    (5, "alpha_deg", 89, "alpha of joints 2, 4, 5 and 6 must be +-90 degrees"),
+    (3, "alpha_deg", 5, "alpha of joints 1 and 3 must be 0 or 180 degrees"),
+    (5, "a_mm", 40, "a of joints 1, 5 and 6 must be zero"), (3, "d_mm", 40, "d of joints 2, 3 and 5 must be zero"),
+    (3, "a_mm", 0, "the lower arm (a of joint 3) and the forearm must have a length"),
+    (4, "a_mm", 0, ""), (2, "a_mm", 0, ""), (6, "d_mm", 0, ""), (3, "alpha_deg", 180, "")])
+def test_other_arms_are_refused(tmp_path, joint, key, value, condition) -> None:
+    """What the closed form needs; without an offset of the forearm, the shoulder or the flange, and mirrored, it is there."""
+    lines = built_in_robots()["irb6640-235-2.55"].read_text().splitlines()
+    row = [number for number, line in enumerate(lines) if "alpha_deg:" in line][joint - 1]
+    lines[row] = re.sub(rf"\b{key}: [^,]*,", f"{key}: {value},", lines[row])
+    path = tmp_path / "other.yaml"
+    path.write_text("\n".join(lines) + "\n")
     model: RobotModel = read_robot(path)
-    with pytest.raises(CompstiffError, match="CS1102.*a of joints 1, 5 and 6"):
-        inverse(model, forward(model, np.zeros((1, 6)), Frame.identity()))
+    theta = np.radians([[10.0, 20, -30, 40, 50, 60]])
+    flange = forward(model, theta, Frame.identity())
+    if not condition:
+        assert_allclose(nearest_solution(model, inverse(model, flange, theta), theta)[0], theta, atol=1e-9)
+        return
+    with pytest.raises(CompstiffError) as refused:
+        inverse(model, flange)
+    (said,) = refused.value.findings
+    assert (said.code, said.file) == ("CS1102", str(path))
+    assert said.message == f"no inverse kinematics for robot irb6640-235-2.55: {condition}"
 
 
 def test_rotations_round_trip() -> None:

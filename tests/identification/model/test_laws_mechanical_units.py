@@ -70,7 +70,8 @@ AXIS = "axes: [{eax: a, kind: linear, direction: [1, 0, 0]}]"
     (["name: A, carries: workobject, axes: [{eax: a, kind: rotary, speed_mm_s: 4}]"], "found speed_mm_s of a rotary axis"),
     (["name: A, carries: nothing, axes: [{eax: a, direction: [0, 0, 0]}]"], "direction has no length"),
     (["name: A, carries: nothing, axes: [{eax: a, speed_mm_s: 100}]"], "speed and acceleration belong together"),
-    (["name: A, carries: robot, axes: [{eax: a, kind: rotary, direction: [0, 0.1, 1]}]"], "would tilt it"),
+    (["name: A, carries: nothing, axes: [{eax: a, acceleration_mm_s2: 100}]"], "speed and acceleration belong together"),
+    (["name: A, carries: robot, axes: [{eax: a, kind: rotary, direction: [0, 0.000101, 1]}]"], "eax_a would tilt it"),
 ])
 def test_units_that_contradict_themselves(tmp_path: Path, units: list[str], says: str) -> None:
     with pytest.raises(CompstiffError) as stopped:
@@ -78,6 +79,17 @@ def test_units_that_contradict_themselves(tmp_path: Path, units: list[str], says
     (finding,) = stopped.value.findings
     assert finding.code == "CS4506"
     assert says in finding.message
+
+
+@pytest.mark.parametrize("unit", [
+    "name: A, carries: robot, axes: [{eax: a, kind: rotary, direction: [0, 0.000099, 1]}]",
+    "name: A, carries: workobject, axes: [{eax: a, kind: rotary, direction: [1, 0, 0], through_mm: [0, 0, 5], zero_deg: 4}]",
+    "name: A, carries: nothing, axes: [{eax: a, speed_mm_s: 100, acceleration_mm_s2: 50, zero_mm: 4}]"])
+def test_units_that_do_not(tmp_path: Path, unit: str) -> None:
+    """A column under the robot that is upright to 0.1 mrad; a table turns about any line; each size in its own unit."""
+    units = cell(tmp_path, f"mechanical_units:\n  - {{{unit}}}\n").units
+    assert units is not None
+    assert [one.name for one in units] == ["A"]
 
 
 def test_a_turning_column_under_the_robot_is_upright_in_the_world_not_in_its_own_frame(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.model.robot import built_in_robots
 from tests.identification.formats.test_contract_force_logs import lvm
 from tests.identification.motion import simulated_joint
 from tests.runs.command_line import test_mistakes as kit_mistakes
@@ -120,6 +121,10 @@ def test_a_cell_that_cannot_be_read_leaves_the_rest_open(folder: Path) -> None:
     assert run.code == 1
     assert kit.codes(run) == {"CS0102", "CS0111"}
     assert verdicts(run)["measurements.csv"] == ("measurements", "warning")
+    said = [(Path(one["file"]).name, one["message"]) for one in run.json["findings"] if one["code"] == "CS0111"]
+    assert said == [(name, f"not judged: a {kind} is read for a cell, and cell.yaml could not be read")
+                    for name, kind in (("measurements.csv", "measurements"), ("part.mod", "toolpath"))]
+    assert "CS0111" not in kit.codes(check(folder, built_in_robots()["irb4400-60"]))     # read for no cell
 
 
 def test_a_log_is_held_against_the_program_of_its_name(folder: Path) -> None:
@@ -154,13 +159,19 @@ def same_code_as_correct(folder: Path, *words: str) -> int:
     return run.code
 
 
-def test_a_stiffness_file_its_own_measurements_reject_is_said(folder: Path) -> None:
+@pytest.mark.parametrize("rejected", [True, False])
+def test_a_stiffness_file_its_own_measurements_reject_is_said(folder: Path, rejected: bool) -> None:
+    """As correct will say: it refuses this file, and takes it where they do not."""
     content = json.loads((folder / "stiffness.json").read_text())
-    content["fit"] = {"model_check": {"rejected": True, "p_value": 0.001, "seen": "a trend"}}
+    content["fit"] = {"model_check": {"rejected": rejected, "p_value": 0.001, "seen": "a trend"}}
     (folder / "stiffness.json").write_text(json.dumps(content))
     run = check(folder, folder / "stiffness.json")
     assert run.code == 0
-    assert "CS0113" in kit.codes(run)
+    said = [(one["level"], one["message"]) for one in run.json["findings"] if one["code"] == "CS0113"]
+    assert said == [("warning", "its own measurements reject it (a trend): correct will refuse it")] * rejected
+    correct = kit.run("correct", folder / "cell.yaml", folder / "part.mod", "--stiffness", folder / "stiffness.json",
+                      "-o", folder / "out.mod")
+    assert correct.code == 3 * rejected, correct
 
 
 def test_targets_out_of_reach_are_counted(folder: Path) -> None:

@@ -210,6 +210,21 @@ def test_a_robot_file_goes_into_the_folder(tmp_path: Path) -> None:
     assert kit.run("check", tmp_path / "new" / "cell.yaml").code == 0
 
 
+@pytest.mark.parametrize(("robot", "tcp", "said"), [
+    (ROBOT, TCP, {}), (ROBOT, "0,0,250", {"CS0106": "the TCP stands on axis 6: no pure force turns that joint, and k6 "}),
+    (ROBOT, "0.3,-0.4,250", {"CS0106": "the TCP stands 0.5 mm from axis 6: pure forces hardly turn that joint, and k6 "}),
+    (ROBOT, "3,4,250", {"CS0106": "the TCP stands 5 mm from axis 6: "}), (ROBOT, "3,4.1,250", {}),
+    ("kr60-ha", TCP, {"CS0107": "kr60-ha does not run RAPID"})])
+def test_what_a_later_command_cannot_do_is_said(tmp_path: Path, robot: str, tcp: str, said: dict[str, str]) -> None:
+    done = kit.run("init", tmp_path / "new", "--robot", robot, "--tool-tcp", tcp, "--json")
+    assert done.code == 0, done
+    found = {one["code"]: one for one in done.json["findings"] if one["code"] in ("CS0106", "CS0107")}
+    assert set(found) == set(said)
+    for code, words in said.items():
+        assert found[code]["message"].startswith(words)
+        assert found[code]["file"] == str(tmp_path / "new" / "cell.yaml")
+
+
 def test_another_maker_s_robot_has_no_corrected_program(tmp_path: Path) -> None:
     done = kit.run("init", tmp_path / "new", "--robot", "kr60-ha", "--tool-tcp", "0,0,250", "--json")
     assert kit.codes(done) == {"CS0106", "CS0107"}

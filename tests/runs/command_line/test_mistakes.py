@@ -462,12 +462,16 @@ def test_a_bias_at_both_ends_of_a_program_with_one_feed_is_said(tmp_path: Path, 
 
 
 @pytest.mark.parametrize(("weights", "tool", "over"), [("120", "", False), ("250", "", True), ("20,190+20", "", True),
-                                                        ("120", ", mass_kg: 100", True), ("100", ", mass_kg: 80", False)])
+                                                        ("120", ", mass_kg: 85.5", True), ("120", ", mass_kg: 85", False)])
 def test_weights_over_the_payload_are_not_planned(tmp_path: Path, weights: str, tool: str, over: bool) -> None:
     """An IRB 6660-205 carries 205 kg."""
     (tmp_path / "cell.yaml").write_text(f"robot: {ROBOTS[0]}\ntool: {{position_mm: [120, 0, 250]{tool}}}\n")
     run = kit.run("design", tmp_path / "cell.yaml", "-o", tmp_path / "plan.csv", "--quick", "--measurements", "2",
                   "--dead-weight", weights)
+    heaviest = weights.split(",")[-1].replace("190+20", "210")
+    of_tool = f" of {tool.removeprefix(', mass_kg: ')} kg" if tool else ""
+    sentence = f"error CS1512: {heaviest} kg hung on the tool{of_tool} are over the 205 kg that {ROBOTS[0]} carries"
+    assert (sentence in run.err) is over, run
     assert ("CS1512" in run.err) is over, run
     assert run.code == (1 if over else 0)
 
