@@ -2,11 +2,11 @@
 
     python benchmarks/reached.py STATE/map -q                          # once: who reaches what; Python 3.12 or newer
     python benchmarks/mutants.py [--each 6] [--seed 0] [--only REGEX] [--since COMMIT] [--state STATE] [--budget 60]
-                                    [--processes 1] [--report]
+                                    [--processes 1] [--limits] [--report]
 
 What is changed: operators, comparisons, `and`/`or`, `min`/`max`, `all`/`any`, signs, numbers, True and False, a return of
 nothing, `continue`/`break`, a `not`. As many are drawn from each room, in turns, so that a run that is cut short is even too;
-with --since only of lines that the commit did not have.
+with --since only of lines that the commit did not have, with --limits only numbers outside functions.
 Each is made in a copy of the tree. Tests that reach its statement judge it, those of its own room first, then all others, the
 cheapest first, until they would take --budget seconds of the processor; for a statement outside functions (a limit, a table)
 those that reach a line which names what it sets. A test that fails notices it; on the tree as it is it must pass, which is
@@ -241,6 +241,19 @@ def new_lines(commit: str) -> dict[str, set[int]]:
     return lines
 
 
+def _outside(tree: ast.Module) -> set[int]:
+    """Lines of assignments outside functions."""
+    lines: set[int] = set()
+    ahead: list[ast.stmt] = list(tree.body)
+    while ahead:
+        node = ahead.pop()
+        if isinstance(node, ast.ClassDef):
+            ahead += node.body
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            lines |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    return lines
+
+
 def drawn(chosen: argparse.Namespace) -> list[Mutant]:
     """`each` of every room, the first of each, then the second of each, and so on."""
     files = [file for package in PACKAGES for file in sorted((ROOT / package).rglob("*.py"))]
@@ -248,6 +261,9 @@ def drawn(chosen: argparse.Namespace) -> list[Mutant]:
     if chosen.since:
         new = new_lines(chosen.since)
         every = [mutant for mutant in every if mutant.line in new.get(mutant.file, ())]
+    if chosen.limits:
+        outside = {file.relative_to(ROOT).as_posix(): _outside(ast.parse(file.read_text(encoding="utf-8"))) for file in files}
+        every = [mutant for mutant in every if mutant.token[0] in "0123456789." and mutant.line in outside[mutant.file]]
     rooms: dict[str, list[Mutant]] = collections.defaultdict(list)
     for k in np.random.default_rng(chosen.seed).permutation(len(every)):
         rooms[every[k].room].append(every[k])
@@ -265,6 +281,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=1e9, help="begin no further mutant after this time")
     parser.add_argument("--only", default="")
     parser.add_argument("--since", default="", metavar="COMMIT", help="only of lines that are new since")
+    parser.add_argument("--limits", action="store_true", help="only numbers outside functions")
     parser.add_argument("--budget", type=float, default=60.0)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--state", type=Path, default=Path(tempfile.gettempdir()) / "compstiff-mutants")

@@ -192,7 +192,7 @@ def slowest(folder: Path) -> None:
 
 def main() -> int:
     """Runs pytest with the plugin."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0], allow_abbrev=False)     # --slow is for pytest
     parser.add_argument("folder", type=Path)
     parser.add_argument("--slowest", action="store_true")
     chosen, rest = parser.parse_known_args()

@@ -17,6 +17,9 @@ from identification.common.arrays import Array
 
 # Lead-in and lead-out are taken to be alike to this share of their sum (1 sigma), and at least this length [m].
 LEAD_SHARE, LEAD_LEAST = 0.1, 1e-3
+# Samples within this share of a bin's width before its edge are on it: evenly taken ones often are, and on which side is not
+# for the rounding of the clock's numbers to say.
+ON_EDGE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +39,7 @@ class Bins:
 
 def binned(time: Array, force: Array, width: float) -> Bins:
     """Samples at times (M,) [s], ascending, with force (M, 3) [N], in bins."""
-    number = np.minimum(((time - time[0]) / width).astype(np.intp), int((time[-1] - time[0]) / width))
+    number = ((time - time[0]) / width + ON_EDGE).astype(np.intp)
     count = np.bincount(number)
     mean = np.column_stack([np.bincount(number, column) for column in force.T]) / np.maximum(count, 1)[:, None]
     return Bins(time[0] + (np.arange(len(count)) + 0.5) * width, mean, (count > 0).astype(float), width)

@@ -145,6 +145,15 @@ def test_the_best_plateau_is_the_best_of_all() -> None:
     assert plateau_share(bins) == pytest.approx(best)
 
 
+@pytest.mark.parametrize("begun", [1.3, 1000.0, 36_000.7])
+def test_when_the_clock_began_moves_no_sample_to_another_bin(begun: float) -> None:
+    time, force = np.arange(600) / 100, np.arange(1800.0).reshape(600, 3)
+    # Two samples a bin, the first of which lies on its edge.
+    here, there = binned(time, force, 0.02), binned(time + begun, force, 0.02)
+    np.testing.assert_array_equal(here.force, force.reshape(300, 2, 3).mean(axis=1))
+    np.testing.assert_array_equal(there.force, here.force)
+
+
 @pytest.mark.parametrize(("job", "seed"), [
     pytest.param("turning", 21, marks=pytest.mark.long), pytest.param("one cut", 22, marks=pytest.mark.long),
     ("pocketing", 23), pytest.param("drilling", 24, marks=pytest.mark.long)])

@@ -101,6 +101,25 @@ HEAD = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/30,20,5\n"         # three lines
     ("INDIRV/0,1,0\nTLON,GOFWD/ (CYLNDR/20,20,5,10),ON,(LINE/20,20,5,20,30)", "CS2108", 5, 1,
      "CYLNDR: found 4 numbers and 5 of LINE, expected 7 and 6"),
     ("CYCLE/DRILL,DEPTH,5,CLEAR,1,DWELL,x", "CS2101", 4, 35, "'X'|'x'"),
+    # Just beyond what is read below.
+    ("GOTO/0,0,100001", "CS2101", 4, 10, "expected at most 100 m"),
+    ("FEDRAT/6100000\nGOTO/1,2,3", "CS2107", 5, 1, "found a feed of 101667 mm/s"),
+    ("FEDRAT/0.00005\nGOTO/1,2,3", "CS2107", 5, 1, "found a feed of 8.33333e-07 mm/s"),
+    ("CIRCLE/20,20,5,0,0,1,10.022\nGOTO/20,30.022,5", "CS2108", 4, 1, r"start is -0.0220 mm off"),
+    ("CIRCLE/20,20,5,0,0,1,10\nGOTO/20,29.978,5", "CS2108", 4, 1, r"end is -0.0220 mm off"),
+    ("CIRCLE/30.018,20,5,0,0,1\nGOTO/30.018,20.018,5", "CS2108", 4, 1, "the radius is 0.018 mm, more than 0.02"),
+    ("CIRCLE/20,20,5,0,0,1,10,.1,.1,1,0,TIMES,1001\nGOTO/30,20,0", "CS2108", 4, 1, "n from 1 to 1000"),
+    ("MOVARC/20,20,5,0,0,1,10,ANGLE,360360\nGOTO/30,20,5", "CS2108", 4, 31, "up to 360000"),
+    ("MOVARC/20,20,5,0,0,1,10,ANGLE,90.7\nGOTO/20,30,5", "CS2108", 4, 1, "stated to turn by 90.7000 degrees, its end is at 90"),
+    ("CIRCLE/20,20,5,0,0,1.002,10\nGOTO/20,30,5", "CS2108", 4, 16, "length 1.002"),
+    ("CYCLE/DEEP,DEPTH,10,STEP,0.00999,CLEAR,1", "CS2102", 4, 1, "over 1000 pecks"),
+    ("TRACUT/1,0,0,5,0,1,0.00003,0,0,0,1,0", "CS2182", 4, 8, "no rotation"),
+    ("INDIRV/0.55,0.8,0\nTLON,GOFWD/ (CIRCLE/20,20,5,1e5),ON,(LINE/20,20,5,20,30,5)", "CS2108", 5, 1, "start is"),
+    ("INDIRV/0,1,0\nTLON,GOFWD/ (CIRCLE/20,20,5,100001),ON,(LINE/20,20,5,20,30,5)", "CS2101", 5, 1, "numbers up to 100000"),
+    ("INDIRV/0.88,0.475,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20,20,5,20,30,5)", "CS2108", 5, 1, r"\(62 degrees off\)"),
+    ("INDIRV/0,1,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20.022,20,5,20,30,5)", "CS2108", 5, 1, "start at its centre"),
+    ("INDIRV/0,1,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,2,INTOF,(LINE/20,20,5,10.0034,20.2618,5)", "CS2108", 5, 1,
+     "178.5 degrees"),
 ])
 def test_refusals(tmp_path, text, code, line, column, says):
     file = tmp_path / "part.apt"
@@ -109,6 +128,23 @@ def test_refusals(tmp_path, text, code, line, column, says):
         read_apt(file)
     found = caught.value.findings[0]
     assert (found.code, found.file, found.line, found.column) == (code, str(file), line, column)
+
+
+@pytest.mark.parametrize("text", [
+    "GOTO/0,0,99999", "FEDRAT/5900000\nGOTO/1,2,3", "FEDRAT/0.00007\nGOTO/1,2,3",
+    "CIRCLE/20,20,5,0,0,1,10.018\nGOTO/20,30.018,5", "CIRCLE/20,20,5,0,0,1,10\nGOTO/20,29.982,5",
+    "CIRCLE/30.022,20,5,0,0,1\nGOTO/30.022,20.022,5", "CIRCLE/20,20,5,0,0,1,10,.1,.1,1,0,TIMES,1000\nGOTO/30,20,0",
+    "MOVARC/20,20,5,0,0,1,10,ANGLE,360000\nGOTO/30,20,0", "MOVARC/20,20,5,0,0,1,10,ANGLE,90.5\nGOTO/20,30,5",
+    "CIRCLE/20,20,5,0,0,1.0009,10\nGOTO/20,30,5", "CYCLE/DEEP,DEPTH,10,STEP,0.01001,CLEAR,1\nGOTO/1,2,3",
+    "TRACUT/1,0,0,5,0,1,0.000009,0,0,-0.000009,1,0\nGOTO/1,2,3",
+    "INDIRV/0.85,0.527,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20,20,5,20,30,5)",
+    "INDIRV/0,1,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20.018,20,5,20,30,5)",
+    # Half a turn, but for a degree: either may be meant.
+    "INDIRV/0,1,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,2,INTOF,(LINE/20,20,5,10.0015,20.1745,5)",
+])
+def test_just_within_its_limits_it_is_read(tmp_path, text):
+    (tmp_path / "part.apt").write_text(HEAD + text + "\n")
+    assert read_apt(tmp_path / "part.apt").position.shape[0] > 1
 
 
 @pytest.mark.parametrize(("data", "code"), [
