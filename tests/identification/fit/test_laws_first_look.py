@@ -17,8 +17,8 @@ from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.cell_file import cell_mistakes
 from identification.fit.mistakes.first_look import first_look, refuse_absurd
 from identification.fit.mistakes.odd_rows import odd_rows
+from tests.identification.fit.exact_rows import beside, by_compliance
 from tests.identification.fit.test_laws_posterior import simulate
-from tests.virtual_cell.arm import IRB6660
 
 Array = NDArray[np.float64]
 ROWS = 20
@@ -33,11 +33,7 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadTest, Array]:
     noise = replace(cell.noise, deflection=np.full(3, 1e-12), pose_offset=np.zeros(3))
     wrench = np.zeros((ROWS, 6))
     wrench[:, :3] = rng.normal(0.0, 1.0, (ROWS, 3))
-    tcp, step = cell.flange_from_tcp.position, 1e-5 * np.eye(6)
-    jacobian = np.stack([(IRB6660.pose(rows.theta + by, tcp)[0] - IRB6660.pose(rows.theta - by, tcp)[0]) / 2e-5 for by in step],
-                        axis=2)
-    torque = np.einsum("nij,ni->nj", jacobian, wrench[:, :3])
-    each = jacobian * (torque / cell.prior.stiffness)[:, None]
+    each = by_compliance(rows.theta, cell.flange_from_tcp.position, wrench[:, :3]) / cell.prior.stiffness
     alike = 2e-5 / np.linalg.norm(each.sum(axis=2), axis=1)
     wrench, each = wrench * alike[:, None], each * alike[:, None, None]
     data = LoadTest.of(replace(cell, noise=noise), replace(rows, wrench=wrench, deflection=each.sum(axis=2)))
@@ -54,14 +50,11 @@ def said(data: LoadTest) -> str:
     return found.message if found else ""
 
 
-def with_share(each: Array, share: float, deflection: Array | None = None) -> Array:
+def with_share(each: Array, share: float) -> Array:
     """Readings (n, 3) of which this share of the squares fits no springs, all rows alike on the whole."""
-    readings = (each.sum(axis=2) if deflection is None else deflection).ravel()
-    columns = each.reshape(-1, 6)
-    beside = np.random.default_rng(6).standard_normal(len(readings))
-    beside -= columns @ np.linalg.lstsq(columns, beside, rcond=None)[0]
-    beside *= np.sqrt(share / (1 - share)) * np.linalg.norm(readings) / np.linalg.norm(beside)
-    return np.asarray((readings + beside).reshape(-1, 3))
+    readings = each.sum(axis=2)
+    size = np.sqrt(share / (1 - share) * np.mean(readings**2))
+    return np.asarray(readings + size * beside(each))
 
 
 @pytest.mark.parametrize(("smaller", "unit"), [
