@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from identification.common.findings import CompstiffError, Finding
 from identification.fit.fit import Fit, fit_stiffness
@@ -150,3 +150,17 @@ def test_a_joint_is_told_by_one_visit_alone_that_has_more_than_97_percent_of_its
     few = replace(few, wrench=times[:, None] * few.wrench, deflection=times[:, None] * few.deflection)
     told_by = told_by_one_visit(posterior(LoadTest.of(cell, few)))
     assert told_by == ({int(np.argmax(of_joints)) + 1: 0} if alone else {})
+
+
+@pytest.mark.parametrize("times", [4.3, 4.85])
+def test_a_sensor_four_times_as_noisy_as_stated_rejects_the_springs(
+        exact: tuple[Cell, Measurements, Array], times: float) -> None:
+    """With 95 % confidence, by the normal distribution of the logarithm of what is estimated of it."""
+    cell, rows, each = exact
+    fit = fit_stiffness(cell, off_by(rows, each, times))
+    noise = fit.model.fit["noise"]
+    needed = float(noise["sensor_scale"] / (4.0 * np.exp(norm.isf(0.05) * noise["sensor_log_std"])))
+    assert needed == pytest.approx(1.0, abs=0.12)
+    assert bool(fit.model.rejected) is (needed > 1) is (times > 4.5)
+    assert [one.message.split(": ")[1].split(";")[0] for one in told(fit, "CS1021")] == [
+        f"the sensor noise would have to be {noise['sensor_scale']:.1f} times the stated"] * (needed > 1)
