@@ -111,10 +111,10 @@ def read_motion_log(file: str | Path) -> MotionLog:
         logged = columns.get(f"q{k}_speed_deg_s")
         lag = 0.0 if logged is None else _lag(np.radians(logged), speed)
         if abs(lag) >= WORTH_SAYING:
-            step = 1e3 * float(time[1] - time[0])
-            findings.append(Finding("CS1506", "note", f"q{k}_speed_deg_s lies {abs(lag) * step:.1f} ms "
-                                    f"{'behind' if lag > 0 else 'ahead of'} the motor angle; the speed is taken from the angle",
-                                    file=name))
+            by = 1e3 * abs(lag) * float(time[1] - time[0])
+            far = f"{by:.3g} ms or more" if abs(lag) > MOST_LAG - 0.05 else f"{by:.1f} ms"
+            findings.append(Finding("CS1506", "note", f"q{k}_speed_deg_s lies {far} {'behind' if lag > 0 else 'ahead of'} the "
+                                    "motor angle; the speed is taken from the angle", file=name))
     return MotionLog(name, time, logs, tuple(findings), sha256(file))
 
 
