@@ -3,6 +3,8 @@ worked out by hand."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,6 +23,7 @@ from identification.diagnosis.search import log_prior
 from identification.diagnosis.share import share_of
 from identification.diagnosis.swing import swing_of
 from identification.diagnosis.unsettled import unsettled_zero_of
+from identification.fit.mistakes.judge import Mistakes
 from identification.fit.noise_parts import VarianceComponents
 
 Array = NDArray[np.float64]
@@ -285,3 +288,123 @@ def test_a_row_is_bad_among_twenty_with_two_more_at_its_pose(
         data=SimpleNamespace(rows=table), at_map=SimpleNamespace(noise=noise, residual=None), terms=(), term_values=(),
         components=None, weights=None, compliance=None, residual=np.ones((rows, 3)))
     assert [one.row for one in gross.bad_rows(fitted)] == [2] * bad
+
+
+@dataclass(frozen=True)
+class Told:
+    """A judgement, or a cause, as far as names ask."""
+
+    extended: Any = None
+    plain: Any = None
+    detection: Any = None
+    verdict: str = ""
+    causes: tuple[Any, ...] = ()
+    companions: tuple[Any, ...] = ()
+    alternatives: tuple[Any, ...] = ()
+    gain: Any = None
+    log_odds: float | None = None
+    robot_difference: float | None = None
+    carried: Any = None
+    withdrawn: dict[str, str] | None = None
+    patterns: tuple[str, ...] = ()
+    law_differs: bool = False
+    tried: Any = None
+    adequacy: Any = None
+    scatter: Any = None
+    lost: tuple[str, ...] = ()
+    mistakes: tuple[Any, ...] = ()
+    expected_std: Array = field(default_factory=lambda: np.full((4, 3), 2e-6))
+
+
+@dataclass(frozen=True)
+class One:
+    """A cause."""
+
+    label: str
+    probability: float
+    effect: Any = None
+    joint: int | None = 1
+    open_laws: dict[str, float] = field(default_factory=dict)
+
+
+def named(monkeypatch: pytest.MonkeyPatch, *, difference_um: float = 0.0, far: float = 1.0, share: float = 1.0,
+          others: Sequence[float] = ()) -> Any:
+    """What becomes of a set of one cause with this share of the probability, the rest of it with another law of the same gear;
+    others: probabilities of causes beside."""
+    play = One("play", share, SimpleNamespace(name="play"))
+    names = (play, *(One(f"other {k}", value) for k, value in enumerate(others)))
+    best: Any = SimpleNamespace(key=frozenset({0}), probability=share, log_evidence=9.0)
+    soft = SimpleNamespace(key=frozenset({1}), probability=1 - share)
+    entries = SimpleNamespace(entries=[One("play", share), One("soft", 0.5)])
+    seen: Any = SimpleNamespace(hypotheses=(best, soft), dictionary=entries)
+    extended = SimpleNamespace(terms=(SimpleNamespace(label="play", effect=play.effect),))
+    for name, answer in (
+            ("no_names", frozenset()), ("inclusion", names), ("kindred", (best, soft)), ("rivals_of", {"play": ("a", 0.6)}),
+            ("with_open_laws", (replace(play, probability=0.99, open_laws={"soft": 0.4}),)), ("with_free_laws", "free"),
+            ("robot_difference", 1e-6 * difference_um), ("far_off", far), ("of_nothing", set()), ("log_odds", 99.0),
+            ("only_local", False), ("told_by_one_visit", False), ("gain", SimpleNamespace(support=99.0, held_out="poses"))):
+        monkeypatch.setattr(procedure, name, lambda *of, answer=answer: answer)
+    monkeypatch.setattr(procedure, "replace", lambda thing, **changed: thing if thing is seen else replace(thing, **changed))
+    monkeypatch.setattr(Procedure, "ambiguous", lambda *of: Told(verdict="ambiguous"))
+    detection = SimpleNamespace(p_value=0.001, resolution=0.001, seen_patterns=())
+    judgement: Any = Told(extended, SimpleNamespace(components=VarianceComponents(), data=None), detection)
+    nothing: Any = None
+    return Procedure(nothing, {}, 0.05, 10, 0).with_names(judgement, seen, best, frozenset())
+
+
+@pytest.mark.parametrize(("difference_um", "verdict"), [(1.9, "named"), (2.1, "ambiguous")])
+def test_laws_of_a_gear_stay_open_under_one_name_that_differ_by_less_than_the_noise(
+        monkeypatch: pytest.MonkeyPatch, difference_um: float, verdict: str) -> None:
+    """Of 2 um."""
+    found = named(monkeypatch, difference_um=difference_um, share=0.6)
+    assert found.verdict == verdict
+    if verdict == "named":
+        assert found.robot_difference == pytest.approx(1e-6 * difference_um)
+
+
+@pytest.mark.parametrize(("far", "verdict"), [(1.25, "named"), (1.35, "unknown")])
+def test_a_name_leaves_no_readings_that_are_a_third_further_off_than_noise(
+        monkeypatch: pytest.MonkeyPatch, far: float, verdict: str) -> None:
+    found = named(monkeypatch, far=far)
+    assert found.verdict == verdict
+    if verdict == "unknown":
+        assert found.withdrawn["play"].startswith("the readings are off by 1.4 times what the noise allows")
+
+
+def test_a_cause_beside_a_name_is_told_from_one_in_a_hundred_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = named(monkeypatch, others=[0.2, 0.011, 0.009])
+    assert found.verdict == "named"
+    assert [each.probability for each in found.alternatives] == [0.2, 0.011]
+
+
+def test_five_of_the_nearest_causes_go_with_an_unknown_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = named(monkeypatch, far=2.0, others=[0.5, 0.4, 0.3, 0.2, 0.1, 0.05])
+    assert [each.label for each in found.alternatives] == ["play", "other 0", "other 1", "other 2", "other 3"]
+
+
+@pytest.mark.parametrize(("support", "mistake", "enough", "verdict"), [
+    (1.1, -99.0, True, "names"), (0.9, -99.0, True, "unknown"), (9.0, 104.0, False, "mistake"), (9.0, 102.0, False, "unknown"),
+    (9.0, 4.0, True, "mistake"), (9.0, 2.0, True, "names")])
+def test_causes_explain_something_by_e_and_mistakes_are_clear_by_e_3_more_or_e_103_before_all_is_tried(
+        monkeypatch: pytest.MonkeyPatch, support: float, mistake: float, enough: bool, verdict: str) -> None:
+    """Causes of ln posterior 0, which explain the rows or do not; a mistake of another one."""
+    seen = SimpleNamespace(dictionary=SimpleNamespace(entries=range(9)))
+    fitted: Any = SimpleNamespace(components=VarianceComponents(), with_usual_noise=None)
+    found: Any = SimpleNamespace(
+        named=SimpleNamespace(seen=seen, lost=()), best=SimpleNamespace(log_evidence=support), fitted=fitted, scatter={},
+        adequacy=SimpleNamespace(p_value=0.5 if enough else 1e-4), enough=enough)
+    candidate: Any = SimpleNamespace(candidate=SimpleNamespace(log_posterior=mistake))
+    mistakes = Mistakes(None, (candidate,), None)
+    # What looking further comes to is less than the mistake is likelier by, unless that is e^100 and more.
+    later = iter([0.0, 0.0 if enough else 200.0])
+    for name, answer in (("mistakes_in", mistakes), ("beyond_the_fit", None), ("nearly_all", False), ("strained", False),
+                         ("without_slight", (fitted, frozenset())), ("beside", None)):
+        monkeypatch.setattr(procedure, name, lambda *of, answer=answer: answer)
+    monkeypatch.setattr(procedure, "physics_of", lambda *of: next(later))
+    monkeypatch.setattr(procedure, "beside", lambda judgement, *of: judgement)
+    monkeypatch.setattr(Procedure, "search", SimpleNamespace(searched=lambda *of: found, likeliest=lambda *of: found))
+    monkeypatch.setattr(Procedure, "unknown", lambda self, judgement, *of: replace(judgement, verdict="unknown"))
+    monkeypatch.setattr(Procedure, "with_names", lambda self, judgement, *of: replace(judgement, verdict="names"))
+    nothing: Any = None
+    judgement: Any = Told(plain=fitted, detection=SimpleNamespace(p_value=0.01))
+    assert Procedure(nothing, {}, 0.05, 10, 0).named(judgement).verdict == verdict
