@@ -25,6 +25,7 @@ from identification.diagnosis.swing import swing_of
 from identification.diagnosis.unsettled import unsettled_zero_of
 from identification.fit.mistakes.judge import Mistakes
 from identification.fit.noise_parts import VarianceComponents
+from identification.fit.student import probability_beyond
 
 Array = NDArray[np.float64]
 SIGMA = 2e-6
@@ -288,6 +289,20 @@ def test_a_row_is_bad_among_twenty_with_two_more_at_its_pose(
         data=SimpleNamespace(rows=table), at_map=SimpleNamespace(noise=noise, residual=None), terms=(), term_values=(),
         components=None, weights=None, compliance=None, residual=np.ones((rows, 3)))
     assert [one.row for one in gross.bad_rows(fitted)] == [2] * bad
+
+
+@pytest.mark.parametrize(("chance", "bad"), [(5.5e-4, False), (4.5e-4, True)])
+def test_a_row_is_bad_that_chance_makes_in_one_of_two_thousand(chance: float, bad: bool) -> None:
+    """Over all of sixty rows, in the tails that the others leave open (test_laws_student.py)."""
+    distance, count = np.random.default_rng(2).chisquare(3, 60), np.full(60, 3)
+    low, high = 10.0, 1e4
+    for _ in range(60):
+        distance[7] = np.sqrt(low * high)
+        others = np.arange(60) != 7
+        rarer = 60 * probability_beyond(float(distance[7]), 3, distance[others], count[others]) < chance
+        low, high = (low, distance[7]) if rarer else (distance[7], high)
+    found = gross.rare(distance, count, np.ones(60, dtype=bool), 3.0)
+    assert found == ({7: pytest.approx(chance, rel=1e-3)} if bad else {})
 
 
 @dataclass(frozen=True)

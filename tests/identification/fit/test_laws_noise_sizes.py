@@ -46,10 +46,11 @@ NOTHING: dict[str, Any] = {"force": 0.0, "absolute": 0.0, "offset": 0.0}
 
 @pytest.mark.parametrize(("part", "stated", "share", "newtons", "microns"), [
     ({"offset": 1.0}, False, 0.0, 0.0, 3.0), ({"offset": 1.0}, True, 0.0, 0.0, 4.0), ({"force": 1.0}, False, 0.005, 0.0, 0.0),
-    ({"force": 1.0}, True, 0.01, 0.0, 0.0), ({"setup": 5.0}, False, 0.005, 0.0, 0.0), ({"absolute": 1.0}, True, 0.0, 1.0, 0.0)])
+    ({"force": 1.0}, True, 0.01, 0.0, 0.0), ({"setup": 5.0}, False, 0.005, 0.0, 0.0), ({"absolute": 1.0}, True, 0.0, 1.0, 0.0),
+    ({"absolute": 1.0}, False, 0.0, 0.4, 0.0)])
 def test_what_is_not_stated_is_as_large_as_usual(
         data: LoadTest, part: dict[str, Any], stated: bool, share: float, newtons: float, microns: float) -> None:
-    """3 um of re-seating, half a per cent of the force, and from set-up to set-up a thousandth, of which five are there."""
+    """3 um of re-seating, half a per cent of the force and 0.4 N; from set-up to set-up a thousandth, of which five are there."""
     noise = replace(data.cell.noise, offset_stated=stated, force_relative_stated=stated, force_stated=stated)
     if not stated:
         noise = replace(noise, force_relative=0.0, force=np.zeros(3))

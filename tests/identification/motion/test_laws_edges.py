@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +12,7 @@ import numpy as np
 import pytest
 
 from identification.common.findings import CompstiffError
-from identification.motion import crosstalk, stiffness, transmission
+from identification.motion import crosstalk, procedure, stiffness, transmission
 from identification.motion.lines import Line
 from identification.motion.log_file import read_motion_log
 from identification.motion.remainder import _spectrum
@@ -159,3 +161,82 @@ def test_what_is_left_is_told_by_these_bands(hz: float, band: int) -> None:
     if band:
         assert line == pytest.approx(hz, abs=0.06)
         assert share > 0.9
+
+
+def sets(*of: tuple[tuple[int, ...], float], names: Sequence[str]) -> tuple[Any, ...]:
+    """Sets of entries with their probabilities."""
+    return tuple(SimpleNamespace(entries=entries, probability=probability, names=tuple(names[k] for k in entries),
+                                 columns=lambda axis: None) for entries, probability in of)
+
+
+def dictionary(*names: str) -> Any:
+    """An axis recorded at 250 and 100 Hz, with these effects in its dictionary, one shape each."""
+    return Axis_(dictionary=[[SimpleNamespace(name=name)] for name in names])
+
+
+@dataclass(frozen=True)
+class Axis_:
+    dictionary: Any
+    rates: tuple[float, ...] = (100.0, 250.0)
+    smooth: Any = None
+
+
+@pytest.mark.parametrize(("bend", "odds", "at_work", "kept"), [
+    (2.0, 21.0, 0.0, True), (2.0, 19.0, 1.0, False), (1.0, 1.0, 0.55, True), (1.0, 1.0, 0.45, False)])
+def test_a_smooth_part_is_needed_that_is_twenty_times_likelier_than_other_causes_or_as_likely_as_not(
+        monkeypatch: pytest.MonkeyPatch, bend: float, odds: float, at_work: float, kept: bool) -> None:
+    """Finer waves are held against the likeliest causes without an error over the angle; one wave is in the dictionary."""
+    axis = dictionary("hysteresis", "transmission_error")
+    hypotheses = sets(((1,), at_work), ((0,), 1 - at_work), names=("hysteresis", "transmission_error"))
+    for name, answer in (("axis_of", axis), ("stands_for_torque", False), ("with_crosstalk", axis), ("survey", hypotheses),
+                         ("evidence_beside", np.log([odds]))):
+        monkeypatch.setattr(procedure, name, lambda *of, answer=answer: answer)
+    test: Any = SimpleNamespace(smooth=SimpleNamespace(size=1e-4, bend=bend), confirmed=True)
+    monkeypatch.setattr(Transmission, "smooth_over", lambda self, records: test.smooth)
+    assert (procedure._needed(Transmission(2, (), test), []).smooth_test is not None) is kept
+
+
+@pytest.mark.parametrize(("name", "values", "std", "told"), [
+    ("hysteresis", [2.1], [1.0], True), ("hysteresis", [1.9], [1.0], False), ("hysteresis", [1.9, -2.1], [1.0, 1.0], True),
+    ("hysteresis", [1.9, 99.0], [1.0, np.nan], False), ("channel_delay (link)", [4.4e-5], [1e-6], True),
+    ("channel_delay (link)", [3.6e-5], [1e-6], False), ("joint_friction", [3.6e-5], [1e-6], True)])
+def test_a_cause_is_two_sigmas_from_nothing_and_a_delay_a_hundredth_of_a_sample(
+        monkeypatch: pytest.MonkeyPatch, name: str, values: list[float], std: list[float], told: bool) -> None:
+    """Of 250 Hz, the fastest record: 40 us."""
+    cause = SimpleNamespace(values=np.array(values), std=np.array(std))
+    monkeypatch.setattr(procedure, "_likeliest", lambda *of: None)
+    monkeypatch.setattr(procedure, "_averaged", lambda *of: cause)
+    assert procedure._told(dictionary(name), (), 0) is told
+
+
+@pytest.mark.parametrize(("lag_s", "others", "damped"), [(0.00058, 0.3, True), (0.00063, 0.3, False), (0.00058, 0.9, False)])
+def test_a_gear_is_damped_as_gears_are_up_to_0_6_ms(
+        monkeypatch: pytest.MonkeyPatch, lag_s: float, others: float, damped: bool) -> None:
+    monkeypatch.setattr(procedure, "cause_of", lambda *of: SimpleNamespace(values=np.array([lag_s])))
+    hypotheses = sets(((0,), 1 - others), ((1,), others), names=("gear_damping", "hysteresis"))
+    found = procedure._damped(dictionary("gear_damping", "hysteresis"), hypotheses)
+    assert (found is hypotheses[0]) is damped
+
+
+def test_other_causes_are_told_from_one_in_fifty_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ("hysteresis", "soft_zone", "backlash")
+    hypotheses = sets(((0,), 0.957), ((1,), 0.022), ((2,), 0.018), names=names)
+    monkeypatch.setattr(procedure, "_averaged", lambda axis, hypotheses, entry, cause: cause)
+    monkeypatch.setattr(procedure, "cause_of", lambda axis, hypothesis, k, probability: (hypothesis.names[k], probability))
+    told: Any = procedure._causes(dictionary(*names), hypotheses, hypotheses[0])
+    assert told == ((("hysteresis", 0.957),), (("soft_zone", 0.022),))
+
+
+@pytest.mark.parametrize(("probability", "certain"), [(0.955, True), (0.945, False)])
+def test_a_cause_of_a_log_is_certain_to_nineteen_in_twenty(
+        monkeypatch: pytest.MonkeyPatch, probability: float, certain: bool) -> None:
+    names = ("hysteresis", "soft_zone")
+    hypotheses = sets(((0,), probability), ((1,), 1 - probability), ((), 0.0), names=names)
+    axis = dictionary(*names)
+    monkeypatch.setattr(procedure, "_told", lambda *of: True)
+    monkeypatch.setattr(procedure, "held_out", lambda *of: (None, [True]))
+    monkeypatch.setattr(Axis_, "joint", 2, raising=False)
+    monkeypatch.setattr(Axis_, "band", 6.0, raising=False)
+    found, withdrawn = procedure._predictive(axis, hypotheses, hypotheses[2], Transmission(2), [], None)
+    assert found is hypotheses[0 if certain else 2]
+    assert withdrawn == ()
