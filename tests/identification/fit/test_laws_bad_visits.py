@@ -1,0 +1,203 @@
+"""Which visits and validation rows are left out, and which single slips are told: each side of every limit, by tests whose
+outcome is given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from identification.fit import bad_visits as of_visits
+from identification.fit import validation, wrong_angle
+from identification.fit.bad_visits import bad_visits
+from identification.fit.load_test import LoadTest
+from identification.fit.posterior import posterior
+from identification.fit.row_slips import row_mend
+from identification.fit.validation import judge_validation
+from identification.fit.visits import VisitScore, VisitTest
+from identification.fit.wrong_angle import likeliest_wrong_angle
+from tests.identification.fit.exact_rows import by_compliance
+from tests.identification.fit.test_laws_posterior import NOISY, TRUE, simulate
+
+NAN = np.full(3, np.nan)
+
+
+class Table:
+    """Rows of visits, as far as the test of visits asks."""
+
+    def __init__(self, row: NDArray[np.intp], visit: NDArray[np.intp], unloaded: Sequence[int] = ()) -> None:
+        self.row, self.visit, self.line, self.unloaded = row, visit, row + 1, unloaded
+        self.wrench = np.where(np.isin(row, unloaded), 0.0, 100.0)[:, None] * np.ones(6)
+
+    def select(self, kept: NDArray[np.bool_]) -> Table:
+        return Table(self.row[kept], self.visit[kept], self.unloaded)
+
+
+def scored(number: int, rows: Sequence[int], p_value: float, sigmas: float = np.nan) -> VisitScore:
+    return VisitScore(f"P{number}", np.array(rows), int(rows[0]) + 1, 0, -np.log10(p_value), p_value, 0.1,
+                      NAN if np.isnan(sigmas) else np.array([0.0, sigmas, 0.0]), np.ones(3))
+
+
+def left_out(monkeypatch: pytest.MonkeyPatch, chances: list[float], family: float, *, per_visit: int = 8,
+             again: tuple[float, float] | None = None, unloaded: Sequence[int] = ()) -> VisitTest:
+    """The test of visits that chance makes so often; family: at first, of the largest. again: of the first visit without one of
+    its rows, and how many sigmas its zero is off then."""
+    visit = np.repeat(np.arange(len(chances)), per_visit)
+    table = Table(np.arange(1, len(visit) + 1), visit, unloaded)
+    every = [scored(k, table.row[visit == k].tolist(), p) for k, p in enumerate(chances)]
+
+    def score_visits(fitted: Any, data: Any, rng: Any, replicates: int) -> VisitTest:
+        if not replicates:
+            assert again is not None
+            mine = data.rows.row[data.rows.visit == 0].tolist()
+            return VisitTest((scored(0, mine, *again),), again[0], 0.0)
+        return VisitTest(tuple(every), family, 0.001)
+
+    def data_of(rows: Table) -> Any:
+        return SimpleNamespace(rows=rows, with_rows=data_of)
+
+    noise = SimpleNamespace(active=(False,) * 6)
+    fitted: Any = SimpleNamespace(data=data_of(table), terms=(), at_map=SimpleNamespace(noise=noise))
+    monkeypatch.setattr(of_visits, "score_visits", score_visits)
+    monkeypatch.setattr(of_visits, "posterior", lambda data, *of, **more: SimpleNamespace(data=data))
+    monkeypatch.setattr(of_visits, "_with_wrong_angles", lambda test, fitted, seed: test)
+    return bad_visits(fitted)
+
+
+@pytest.mark.parametrize(("visits", "family", "chance", "bad"), [
+    (5, 0.004, 0.004, 0), (6, 0.004, 0.004, 1), (6, 0.11, 0.004, 0), (6, 0.09, 0.004, 1), (6, 0.004, 0.0055, 0),
+    (6, 0.004, 0.0045, 1)])
+def test_a_visit_of_six_is_left_out_that_chance_makes_in_one_of_two_hundred(
+        monkeypatch: pytest.MonkeyPatch, visits: int, family: float, chance: float, bad: int) -> None:
+    """None is looked at further where chance makes the worst misfit of the whole fit in one of ten."""
+    test = left_out(monkeypatch, [chance, *[0.5] * (visits - 1)], family)
+    assert [score.name for score in test.bad] == ["P0"] * bad
+
+
+@pytest.mark.parametrize(("wrong", "too_many"), [(2, False), (3, True)])
+def test_more_than_a_third_of_the_visits_are_none(monkeypatch: pytest.MonkeyPatch, wrong: int, too_many: bool) -> None:
+    """Of seven."""
+    test = left_out(monkeypatch, [*[1e-3] * wrong, *[0.5] * (7 - wrong)], 1e-3)
+    assert test.too_many is too_many
+    assert len(test.bad) == (0 if too_many else wrong)
+
+
+@pytest.mark.parametrize(("rows", "again", "unloaded", "bad"), [
+    (6, (0.055, np.nan), (), 0), (6, (0.045, np.nan), (), 1), (7, (0.055, np.nan), (), 1), (2, (0.055, np.nan), (), 1),
+    (3, (0.055, np.nan), (), 0),
+    (6, (0.055, 4.2), (3, 4), 1), (6, (0.055, 3.8), (3, 4), 0), (6, (0.055, 4.2), (), 0)])
+def test_a_visit_of_a_few_readings_that_fits_without_one_has_one_bad_reading(
+        monkeypatch: pytest.MonkeyPatch, rows: int, again: tuple[float, float], unloaded: tuple[int, ...], bad: int) -> None:
+    """Three to six, whose others chance makes in one of twenty; but where another reading without a load says that the zero
+    stayed they are not all off from it, by four sigmas."""
+    test = left_out(monkeypatch, [1e-3, *[0.5] * 6], 1e-3, per_visit=rows, again=again, unloaded=unloaded)
+    assert len(test.bad) == bad
+
+
+@pytest.mark.parametrize(("support", "fits", "hope", "told"), [
+    (5.2, 0.055, 4.1, True), (4.8, 0.055, 4.1, False), (5.2, 0.045, 4.1, False), (5.2, 0.055, 3.9, False)])
+def test_an_angle_is_wrong_that_is_e_5_times_likelier_and_fits(
+        monkeypatch: pytest.MonkeyPatch, support: float, fits: float, hope: float, told: bool) -> None:
+    """One angle of six hundred is wrong beforehand. Looked at is one that is e^4 times likelier near none."""
+    rows = SimpleNamespace(visit=np.array([3, 3, 8]), line=np.array([4, 5, 6]))
+    fitted: Any = SimpleNamespace(data=SimpleNamespace(rows=rows), terms=(), value=0.0)
+    model = SimpleNamespace(data=fitted.data, value=support + np.log(600.0), likeliest=np.array([0.02]),
+                            laplace=np.array([[1e-6]]))
+    angle = np.zeros((2, 6))
+    angle[1, 4] = 0.9
+    monkeypatch.setattr(wrong_angle, "_with_free_laws", lambda fitted: fitted)
+    monkeypatch.setattr(wrong_angle, "_near_none", lambda fitted: (np.where(angle > 0, hope, 0.0), angle))
+    monkeypatch.setattr(wrong_angle, "posterior", lambda data, terms, near: model)
+    monkeypatch.setattr(wrong_angle, "averaged_evidence", lambda fit: fit.value)
+    monkeypatch.setattr(wrong_angle, "score_visits",
+                        lambda *of: SimpleNamespace(scores=(SimpleNamespace(line=6, p_value=fits),)))
+    found = likeliest_wrong_angle(fitted, np.array([3, 8]))
+    assert (found is not None) is told
+    if found is not None:
+        assert (found.visit, found.joint) == (8, 5)
+        assert [found.missing, found.std, found.log_odds] == pytest.approx([0.02, 1e-3, support])
+
+
+SIGMA = 2e-8
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadTest, Any]:
+    """Six poses of six loads each whose only noise is the sensor's, the last pose kept back, and the fit of the others; all
+    readings are what the springs make."""
+    text = NOISY.replace("0.01,", "0,").replace("[1, 1, 1]", "[0, 0, 0]").replace("[4, 4, 4]", "[0, 0, 0]").replace(
+        "[2, 2, 2]", "[0.02, 0.02, 0.02]")
+    cell, rows = simulate(tmp_path_factory.mktemp("back"), np.random.default_rng(5), poses=6, loads=6, text=text, quiet=True)
+    wrench = 0.02 * rows.wrench
+    moved = by_compliance(rows.theta, cell.flange_from_tcp.position, wrench[:, :3]) @ (1 / TRUE)
+    noise = SIGMA * np.random.default_rng(6).standard_normal(moved.shape)
+    data = LoadTest.of(cell, replace(rows, wrench=wrench, deflection=moved + noise, validate=rows.visit == 5))
+    return data, posterior(data.with_rows(data.rows.select(~data.rows.validate)))
+
+
+def kept_back(fit: tuple[LoadTest, Any], count: int, off: list[float]) -> LoadTest:
+    """The rows with so many of those kept back, whose readings are off along x by so many standard deviations of what the fit's
+    springs and the sensor's noise leave open."""
+    data, fitted = fit
+    mine = np.flatnonzero(data.rows.validate)[:count]
+    rows = data.rows.select(~data.rows.validate | np.isin(np.arange(len(data.rows)), mine))
+    mine = np.flatnonzero(rows.validate)
+    each = by_compliance(rows.theta[mine], data.cell.flange_from_tcp.position, rows.wrench[mine, :3]) * np.exp(fitted.map)
+    allowed = (fitted.components.sensor * SIGMA) ** 2 * np.eye(3) + each @ fitted.laplace @ np.swapaxes(each, 1, 2)
+    moved = rows.deflection - fitted.residual_of(data.with_rows(rows))
+    for row, one, covariance in zip(mine, off, allowed, strict=True):
+        moved[row, 0] += one / np.sqrt(np.linalg.inv(covariance)[0, 0])
+    return data.with_rows(replace(rows, deflection=np.where(rows.validate[:, None], moved, rows.deflection)))
+
+
+@pytest.mark.parametrize(("count", "chance", "others", "told"), [
+    (4, 0.0011, 0.0, False), (4, 0.0009, 0.0, True), (5, 0.0011, 0.0, False), (5, 0.0009, 0.0, True),
+    (4, 0.0009, 2.5, True), (5, 0.0009, 2.5, False)])
+def test_a_validation_row_is_an_outlier_that_chance_makes_in_one_of_a_thousand(
+        monkeypatch: pytest.MonkeyPatch, fit: tuple[LoadTest, Any], count: int, chance: float, others: float, told: bool,
+) -> None:
+    """Over all rows, by an F of three readings and of six degrees, as few rows tell the tails. Five rows tell a scale of their
+    own: others that are off by 2.5 sigmas make it no rarity."""
+    monkeypatch.setattr(validation, "_visits", lambda *of: ())
+    size = float(np.sqrt(3 * stats.f.isf(chance / count, 3, 6)))
+    data = kept_back(fit, count, [size, *[others] * (count - 1)])
+    judged = judge_validation(fit[1], data)
+    assert judged is not None
+    first = int(data.rows.row[data.rows.validate][0])
+    assert [row.row for row in judged.rows] == [first] * told
+    assert [row.sigmas for row in judged.rows] == pytest.approx([size] * told, rel=1e-3)
+
+
+@pytest.mark.parametrize(("turns", "told"), [(3, "3 whole turns"), (-3, "3 whole turns"), (4, "")])
+@pytest.mark.parametrize("turn_um", [100, 200, 500, 1000])
+def test_three_whole_turns_of_a_dial_may_be_lost(turns: int, told: str, turn_um: int) -> None:
+    """Along one axis of a reading of 60 um; four turns are another dial's one or two where there is such a dial."""
+    off = np.zeros((3, 3))
+    off[1, 0] = -1e-6 * turns * turn_um
+    rows: Any = SimpleNamespace(deflection=np.full((3, 3), 6e-5) + off, visit=np.arange(3), row=np.arange(3), line=np.arange(3))
+    mend = row_mend(rows, off, np.full((3, 3), 2e-6), 1)
+    if told:
+        assert mend is not None
+        assert mend.what == f"dx with {told} of {turn_um} um {'more' if turns > 0 else 'less'} would fit"
+    else:
+        other = {100: "2 whole turns of 200 um", 200: "", 500: "2 whole turns of 1000 um", 1000: ""}[turn_um]
+        assert (mend.what if mend else "") == (f"dx with {other} more would fit" if other else "")
+
+
+@pytest.mark.parametrize(("factor", "words"), [
+    (-1.0, "with the other sign"), (0.1, "ten times as large"), (10.0, "a tenth as large")])
+def test_a_reading_that_was_written_otherwise_is_told(factor: float, words: str) -> None:
+    """Of 123, 231 and 312 um, all of them written so: put back they fit."""
+    right = 1e-6 * np.array([[123.0, 231.0, 312.0]] * 3)
+    read = right.copy()
+    read[1] *= factor
+    rows: Any = SimpleNamespace(deflection=read, visit=np.arange(3), row=np.arange(3), line=np.arange(3))
+    mend = row_mend(rows, read - right, np.full((3, 3), 2e-6), 1)
+    assert mend is not None
+    assert mend.what == f"the reading {words} would fit"

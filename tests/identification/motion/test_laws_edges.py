@@ -1,0 +1,229 @@
+"""Each side of the limits of joint deflection logs: what is read, when a stiffness is stated, what counts as found again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification.common.findings import CompstiffError
+from identification.motion import crosstalk, procedure, stiffness, transmission
+from identification.motion.lines import Line
+from identification.motion.log_file import read_motion_log
+from identification.motion.remainder import _spectrum
+from identification.motion.stiffness import AxisStiffness, axis_stiffness
+from identification.motion.transmission import SmoothTest, Transmission, find_transmission
+from identification.motion.zeros import ZeroShift
+from tests.identification.motion.simulated_joint import RATE, columns, write
+
+
+@pytest.mark.parametrize("seconds", [2.9, 3.1])
+def test_a_log_lasts_three_seconds(tmp_path: Path, seconds: float) -> None:
+    path = write(tmp_path / "a.csv", columns(0, {}, seconds=seconds))
+    if seconds > 3:
+        assert read_motion_log(path).time[-1] == pytest.approx(seconds, abs=0.01)
+    else:
+        with pytest.raises(CompstiffError, match="lasts 2.90 s, expected 3 s or more"):
+            read_motion_log(path)
+
+
+@pytest.mark.parametrize(("longer", "even"), [(0.18, True), (0.22, False), (-0.18, True), (-0.22, False)])
+def test_steps_of_a_log_differ_by_a_fifth_at_most(tmp_path: Path, longer: float, even: bool) -> None:
+    """One step of 4 ms, to line 102, so much longer than the others."""
+    values = columns(0, {}, seconds=4)
+    values["time_s"][100:] += longer / RATE
+    path = write(tmp_path / "a.csv", values)
+    if even:
+        assert read_motion_log(path).rate == pytest.approx(RATE, rel=1e-3)
+    else:
+        with pytest.raises(CompstiffError, match=rf":102: error CS1501: time_s steps by {(1 + longer) / RATE:.6g} s where the "
+                                                 "log steps by 0.004 s"):
+            read_motion_log(path)
+
+
+def estimate(compliance: float = 2e-7, std: float = 1e-9, share: float = 0.5) -> AxisStiffness:
+    return AxisStiffness(2, compliance, 0.6 * std, 0.8 * std, share, np.nan, (0.0, 0.0), "", "", 1000, 100.0)
+
+
+@pytest.mark.parametrize(("sigmas", "share", "grade"), [
+    (6.2, 0.5, "reliable"), (5.8, 0.5, "tentative"), (3.1, 0.5, "tentative"), (2.9, 0.5, "not identifiable"),
+    (50.0, 0.022, "reliable"), (50.0, 0.018, "not identifiable")])
+def test_a_stiffness_of_a_log_is_stated_from_three_sigmas_and_reliable_from_six(
+        sigmas: float, share: float, grade: str) -> None:
+    """Of a compliance whose noise and law have three and four fifths of its sigma; a torque of which less than 2 % is its own
+    tells none."""
+    found = stiffness._judged(estimate(std=2e-7 / sigmas, share=share))
+    assert found.grade == grade
+    assert found.refused is (grade == "not identifiable")
+    assert ("1.8 % of its variance is its own, 2 % are needed" in found.reason) is (share < 0.02)
+
+
+@pytest.mark.parametrize(("apart", "grade"), [(2.5, "reliable"), (2.7, "tentative")])
+def test_records_disagree_that_chance_makes_so_once_in_a_hundred(
+        monkeypatch: pytest.MonkeyPatch, apart: float, grade: str) -> None:
+    """Two, each known to 1 %, so many standard deviations of their difference apart: from 2.58 of a normal distribution on.
+    What they scatter goes into the uncertainty of both together."""
+    each = iter([2e-7, 2e-7, 2e-7 + apart * np.sqrt(2) * 2e-9])
+    monkeypatch.setattr(stiffness, "_from", lambda *of: stiffness._judged(estimate(next(each), 2e-9)))
+    monkeypatch.setattr(stiffness, "axis_of", lambda *of, **more: None)
+    monkeypatch.setattr(stiffness, "straight_line", lambda axis: np.array([0.0, 2e-7]))
+    records: Any = [SimpleNamespace(joints={2: None}, source=name) for name in ("a.csv", "b.csv")]
+    found = axis_stiffness(2, records, Transmission(2))
+    assert found.apart == pytest.approx(apart)
+    assert found.law_std == pytest.approx(max(1.6e-9, apart * 2e-9 / np.sqrt(2)))
+    assert found.grade == grade
+
+
+@pytest.mark.parametrize(("before", "line", "low", "confirmed"), [
+    (1.27, 2.0, 1.01, True), (1.23, 2.0, 1.01, False), (2.0, 1.23, 1.01, False), (2.0, 2.0, 0.99, False)])
+def test_a_smooth_part_betters_the_prediction_by_a_quarter(before: float, line: float, low: float, confirmed: bool) -> None:
+    """Of the causes of any motion, and of a straight line; and no chance of the blocks that are redrawn."""
+    nothing: Any = None
+    assert SmoothTest(nothing, 9.0, before, 1.0, (low, 3.0), line).confirmed is confirmed
+
+
+@pytest.mark.parametrize(("seconds", "searched"), [(5.8, False), (6.2, True)])
+def test_a_record_of_six_seconds_is_searched_for_lines_in_its_first_part_and_its_last(
+        monkeypatch: pytest.MonkeyPatch, seconds: float, searched: bool) -> None:
+    """45 % at either end."""
+    asked: list[tuple[float, float]] = []
+
+    class Record:
+        def __init__(self, time: Any) -> None:
+            self.time, self.joints, self.source = time, {2: None}, "a.csv"
+
+        def cut(self, start: int, stop: int) -> Record:
+            return Record(self.time[start:stop])
+
+    def session(joint: int, records: list[Record]) -> None:
+        asked.extend((float(one.time[0]), float(one.time[-1])) for one in records)
+
+    monkeypatch.setattr(transmission, "session", session)
+    monkeypatch.setattr(transmission, "search", lambda *of: [])
+    monkeypatch.setattr(transmission, "found_again", lambda *of: [])
+    monkeypatch.setattr(transmission, "_smooth_test", lambda *of: None)
+    record: Any = Record(np.arange(round(seconds * RATE) + 1) / RATE)
+    found = find_transmission(2, [record], None)
+    assert asked == ([(0.0, pytest.approx(0.45 * seconds, abs=0.01)), (pytest.approx(0.55 * seconds, abs=0.01), seconds)]
+                     if searched else [])
+    assert found.again_on == ("the last 45 % of the same record" if searched else "")
+
+
+@pytest.mark.parametrize(("sigmas", "moved"), [(3.2, False), (3.4, True), (-3.4, True)])
+def test_a_zero_has_moved_that_chance_moves_so_once_in_a_thousand(sigmas: float, moved: bool) -> None:
+    """3.29 of a normal distribution's standard deviations either way."""
+    assert ZeroShift(2, "a.csv", "b.csv", sigmas * 2e-6, 2e-6).moved is moved
+
+
+@pytest.mark.parametrize(("again", "larger", "confirmed"), [(0.009, 1.0, True), (0.011, 1.0, False), (0.009, -1.0, False)])
+def test_a_line_is_found_again_that_chance_finds_so_once_in_a_hundred(again: float, larger: float, confirmed: bool) -> None:
+    assert Line(100.0, 0.1, 0.002, again, (larger, 2.0)).confirmed is confirmed
+
+
+@pytest.mark.parametrize(("sizes", "again"), [
+    ((4.1, 4.1), True), ((3.9, 4.1), False), ((4.1, -4.1), False), ((6.0, 6.0 + 2.9 * 2**0.5), True),
+    ((6.0, 6.0 + 3.1 * 2**0.5), False)])
+def test_each_half_of_a_log_has_another_torque_to_four_sigmas_and_both_the_same_to_three(
+        monkeypatch: pytest.MonkeyPatch, sizes: tuple[float, float], again: bool) -> None:
+    """Sizes in sigmas, which are 1 and independent: of their difference the square root of two."""
+    solved = SimpleNamespace(coefficients=np.array([0.0, *sizes]), covariance=np.eye(3))
+    monkeypatch.setattr(crosstalk, "solve", lambda axis, columns: solved)
+    axis: Any = SimpleNamespace(lengths=(10,))
+    assert crosstalk._found_again(axis, np.ones((10, 1)), np.ones(10)) is again
+
+
+@pytest.mark.parametrize(("hz", "band"), [
+    (0.8, 0), (1.2, 1), (2.8, 1), (3.2, 2), (9.5, 2), (10.5, 3), (19.0, 3), (21.0, 4), (38.0, 4), (42.0, 5)])
+def test_what_is_left_is_told_by_these_bands(hz: float, band: int) -> None:
+    """One sine: all of its variance lies between two of 0, 1, 3, 10, 20, 40 Hz and half the rate."""
+    residual = 1e-5 * np.sin(2 * np.pi * hz * np.arange(5000) / RATE)
+    spectrum, (line, share) = _spectrum([residual], [RATE])
+    assert [(low, high) for low, high, _ in spectrum] == [(0, 1), (1, 3), (3, 10), (10, 20), (20, 40), (40, 125)]
+    assert [of_band > 0.98 for _, _, of_band in spectrum] == [number == band for number in range(6)]
+    if band:
+        assert line == pytest.approx(hz, abs=0.06)
+        assert share > 0.9
+
+
+def sets(*of: tuple[tuple[int, ...], float], names: Sequence[str]) -> tuple[Any, ...]:
+    """Sets of entries with their probabilities."""
+    return tuple(SimpleNamespace(entries=entries, probability=probability, names=tuple(names[k] for k in entries),
+                                 columns=lambda axis: None) for entries, probability in of)
+
+
+def dictionary(*names: str) -> Any:
+    """An axis recorded at 250 and 100 Hz, with these effects in its dictionary, one shape each."""
+    return Axis_(dictionary=[[SimpleNamespace(name=name)] for name in names])
+
+
+@dataclass(frozen=True)
+class Axis_:
+    dictionary: Any
+    rates: tuple[float, ...] = (100.0, 250.0)
+    smooth: Any = None
+
+
+@pytest.mark.parametrize(("bend", "odds", "at_work", "kept"), [
+    (2.0, 21.0, 0.0, True), (2.0, 19.0, 1.0, False), (1.0, 1.0, 0.55, True), (1.0, 1.0, 0.45, False)])
+def test_a_smooth_part_is_needed_that_is_twenty_times_likelier_than_other_causes_or_as_likely_as_not(
+        monkeypatch: pytest.MonkeyPatch, bend: float, odds: float, at_work: float, kept: bool) -> None:
+    """Finer waves are held against the likeliest causes without an error over the angle; one wave is in the dictionary."""
+    axis = dictionary("hysteresis", "transmission_error")
+    hypotheses = sets(((1,), at_work), ((0,), 1 - at_work), names=("hysteresis", "transmission_error"))
+    for name, answer in (("axis_of", axis), ("stands_for_torque", False), ("with_crosstalk", axis), ("survey", hypotheses),
+                         ("evidence_beside", np.log([odds]))):
+        monkeypatch.setattr(procedure, name, lambda *of, answer=answer: answer)
+    test: Any = SimpleNamespace(smooth=SimpleNamespace(size=1e-4, bend=bend), confirmed=True)
+    monkeypatch.setattr(Transmission, "smooth_over", lambda self, records: test.smooth)
+    assert (procedure._needed(Transmission(2, (), test), []).smooth_test is not None) is kept
+
+
+@pytest.mark.parametrize(("name", "values", "std", "told"), [
+    ("hysteresis", [2.1], [1.0], True), ("hysteresis", [1.9], [1.0], False), ("hysteresis", [1.9, -2.1], [1.0, 1.0], True),
+    ("hysteresis", [1.9, 99.0], [1.0, np.nan], False), ("channel_delay (link)", [4.4e-5], [1e-6], True),
+    ("channel_delay (link)", [3.6e-5], [1e-6], False), ("joint_friction", [3.6e-5], [1e-6], True)])
+def test_a_cause_is_two_sigmas_from_nothing_and_a_delay_a_hundredth_of_a_sample(
+        monkeypatch: pytest.MonkeyPatch, name: str, values: list[float], std: list[float], told: bool) -> None:
+    """Of 250 Hz, the fastest record: 40 us."""
+    cause = SimpleNamespace(values=np.array(values), std=np.array(std))
+    monkeypatch.setattr(procedure, "_likeliest", lambda *of: None)
+    monkeypatch.setattr(procedure, "_averaged", lambda *of: cause)
+    assert procedure._told(dictionary(name), (), 0) is told
+
+
+@pytest.mark.parametrize(("lag_s", "others", "damped"), [(0.00058, 0.3, True), (0.00063, 0.3, False), (0.00058, 0.9, False)])
+def test_a_gear_is_damped_as_gears_are_up_to_0_6_ms(
+        monkeypatch: pytest.MonkeyPatch, lag_s: float, others: float, damped: bool) -> None:
+    monkeypatch.setattr(procedure, "cause_of", lambda *of: SimpleNamespace(values=np.array([lag_s])))
+    hypotheses = sets(((0,), 1 - others), ((1,), others), names=("gear_damping", "hysteresis"))
+    found = procedure._damped(dictionary("gear_damping", "hysteresis"), hypotheses)
+    assert (found is hypotheses[0]) is damped
+
+
+def test_other_causes_are_told_from_one_in_fifty_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ("hysteresis", "soft_zone", "backlash")
+    hypotheses = sets(((0,), 0.957), ((1,), 0.022), ((2,), 0.018), names=names)
+    monkeypatch.setattr(procedure, "_averaged", lambda axis, hypotheses, entry, cause: cause)
+    monkeypatch.setattr(procedure, "cause_of", lambda axis, hypothesis, k, probability: (hypothesis.names[k], probability))
+    told: Any = procedure._causes(dictionary(*names), hypotheses, hypotheses[0])
+    assert told == ((("hysteresis", 0.957),), (("soft_zone", 0.022),))
+
+
+@pytest.mark.parametrize(("probability", "certain"), [(0.955, True), (0.945, False)])
+def test_a_cause_of_a_log_is_certain_to_nineteen_in_twenty(
+        monkeypatch: pytest.MonkeyPatch, probability: float, certain: bool) -> None:
+    names = ("hysteresis", "soft_zone")
+    hypotheses = sets(((0,), probability), ((1,), 1 - probability), ((), 0.0), names=names)
+    axis = dictionary(*names)
+    monkeypatch.setattr(procedure, "_told", lambda *of: True)
+    monkeypatch.setattr(procedure, "held_out", lambda *of: (None, [True]))
+    monkeypatch.setattr(Axis_, "joint", 2, raising=False)
+    monkeypatch.setattr(Axis_, "band", 6.0, raising=False)
+    found, withdrawn = procedure._predictive(axis, hypotheses, hypotheses[2], Transmission(2), [], None)
+    assert found is hypotheses[0 if certain else 2]
+    assert withdrawn == ()
