@@ -92,14 +92,15 @@ def _declared(data: bytes) -> set[str]:
 def _beside(file: Path, first: set[str]) -> Iterator[tuple[str, bytes]]:
     """Name and text, in lower case, of the RAPID files beside `file`, those first whose names without suffix are `first`."""
     try:
-        beside = sorted(path for path in file.parent.iterdir() if path.suffix.lower() in RAPID_SUFFIXES
-                        and not path.name.startswith(".") and path.name != file.name and path.is_file())
+        beside = sorted((path for path in file.parent.iterdir() if path.suffix.lower() in RAPID_SUFFIXES
+                         and not path.name.startswith(".") and path.name != file.name and path.is_file()),
+                        key=lambda path: (path.stem.lower() not in first, path.name))
         sizes = {path: path.stat().st_size for path in beside[:MOST_FILES]}
     except OSError:
         return
     left = MOST_BYTES
-    for path in sorted(sizes, key=lambda path: (path.stem.lower() not in first, path.name)):
-        left -= sizes[path]
+    for path, size in sizes.items():
+        left -= size
         if left < 0:
             return
         yield path.name, _text(path)

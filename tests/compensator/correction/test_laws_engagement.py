@@ -14,13 +14,16 @@ from scipy.stats import norm
 import compstiff as compstiff_api
 from compensator.correction import slot_cut
 from compensator.correction.correct import correct
+from compensator.correction.cut_kind import cut_shares
 from compensator.correction.engagement import _where_it_changes
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import Estimate, Settings
 from compensator.learned.learned import Repeats
 from identification.common.findings import CompstiffError
+from identification.model.rotations import rotation_matrix
 from tests.compensator.learning.two_tracks import TwoTracks, two_tracks
+from tests.compensator.path.test_laws_timing import program, target
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3, line
 from tests.runs.command_line.user_files import IRB6660, TOOL, Job, K
@@ -543,3 +546,19 @@ def test_with_a_part_learned_a_cutting_stiffness_fits_what_the_tool_yields(
     with pytest.raises(CompstiffError) as stopped:
         correct(predicted(stiffness))
     assert [(one.code, one.file) for one in stopped.value.findings][:1] == [("CS4123", str(tracks.inputs.toolpath))]
+
+
+@pytest.mark.parametrize(("degrees", "climbing", "slotting"), [
+    (20, 1, 0), (78, 1, 0), (82, 0.9, 0.1), (90, 0.5, 0.5), (98, 0.1, 0.9), (102, 0, 1), (128, 0, 1), (132, 0, 0.9),
+    (148, 0, 0.1), (152, 0, 0), (-60, 0, 0)])
+def test_which_cut_it_is_goes_by_the_angle_of_the_force_to_the_left_of_the_feed(
+        tmp_path: Path, degrees: float, climbing: float, slotting: float) -> None:
+    """Climb up to 80 degrees, a slot from 100 to 130, neither from 150 on, ramps between; nothing of a slot where the tool is
+    pushed into the spindle, which is above, by a fifth of that."""
+    down = rotation_matrix(np.array([0, np.pi, 0]))
+    path = program(tmp_path, [f"MoveL {target(np.array([x, 0, 700]), down)},v50,z1,tSpindle;" for x in (1000.0, 1010, 1030)])
+    angle = np.radians(degrees)
+    for pushed_in, slot in ((0.18, True), (0.22, False), (-1.0, True)):
+        found = cut_shares(path, np.tile([100 * np.cos(angle), 100 * np.sin(angle), 100 * pushed_in], (3, 1)))
+        np.testing.assert_allclose(found[0], climbing, atol=1e-6)
+        np.testing.assert_allclose(found[1], slotting * slot, atol=1e-6)

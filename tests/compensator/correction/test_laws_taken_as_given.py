@@ -51,3 +51,14 @@ def test_a_cut_that_is_stated_is_held_against_the_forces(gain: float, told: bool
     if gain > 2:
         assert given.finding(STATED.model_copy(update={"contact_mm": 0.01}), None, "log")[0].code == "CS3079"
         assert not given.finding(CuttingFile(), None, "log")
+
+
+@pytest.mark.parametrize(("area", "depth_mm", "words"), [
+    (72.0, None, ""), (88.0, None, "a cut of 88 mm2 in aluminium, within a factor of 2.5; it is stated as at most 32 mm2"),
+    (28.8, 4.0, ""), (35.2, 4.0, "a cut of 35 mm2 in aluminium, within a factor of 2.5; it is stated as 8 mm2"),
+    (2.22, 4.0, ""), (1.82, 4.0, "a cut of 1.8 mm2 in aluminium, within a factor of 2.5; it is stated as 8 mm2")])
+def test_a_cut_is_another_beyond_two_and_a_half_of_the_largest_or_four_of_the_stated_one(area, depth_mm, words: str) -> None:
+    """2 mm along the edge, and as deep as the cutter is wide, 16 mm, or as stated."""
+    given = TakenAsGiven("", "", 1.0, 1.0, {"aluminium": area})
+    found = given.finding(STATED, None if depth_mm is None else 1e-3 * depth_mm, "log")
+    assert [one.message for one in found] == [f"these forces take {words}"] * bool(words)

@@ -92,3 +92,55 @@ def test_turns_are_told_by_their_size_beside_enough_of_one_orientation(
     assert all(one.message.startswith(
         f"the orientations of {len(targets)} targets are turned off the program's own by {size:.4f} deg RMS, {times:.2f} times")
         for one in found)
+
+
+def is_told(first: Corrected, own: np.ndarray, correction: np.ndarray, air: dict[int, float], fewer: int = 0) -> bool:
+    """The program with its cut turned by `own` (M, 3) [rad], where this correction would turn it by `correction` (M, 3), and
+    with targets in the air turned about x by so much; without `fewer` of those in the air."""
+    path, targets = first.predicted.path, first.correction.targets
+    turn = np.zeros((len(path.toolpath), 3))
+    turn[targets] = own
+    turn[list(air), 0] = list(air.values())
+    in_object = np.swapaxes(path.base_from_object.rotation, -1, -2) @ path.base_from_tcp.rotation
+    rotation = path.base_from_object.rotation @ Rotation.from_rotvec(turn).as_matrix() @ in_object
+    seen = SimpleNamespace(targets=first.predicted.targets, program=first.predicted.program, path=SimpleNamespace(
+        base_from_object=path.base_from_object, toolpath=path.toolpath,
+        base_from_tcp=Frame(rotation, path.base_from_tcp.position)))
+    kept = np.setdiff1d(first.kept, np.setdiff1d(first.kept, targets)[:fewer])
+    return bool(said_of_own_turns(seen, kept, SimpleNamespace(targets=targets, turn=correction)))
+
+
+@pytest.fixture(scope="module")
+def turns(first: Corrected) -> tuple[np.ndarray, np.ndarray]:
+    """Of a correction, with an RMS size of 0.1 mrad, and others of that RMS that have nothing of them."""
+    turn = first.correction.turn * 1e-4 / np.sqrt(np.mean(np.sum(first.correction.turn**2, axis=1)))
+    other = np.random.default_rng(4208).normal(size=turn.shape)
+    other -= turn * np.sum(other * turn) / np.sum(turn**2)
+    return turn, other * np.sqrt(np.sum(turn**2) / np.sum(other**2))
+
+
+@pytest.mark.parametrize(("times", "said"), [(0.54, False), (0.66, True), (1.5, True), (1.7, False)])
+def test_turns_of_0_6_to_1_6_of_a_correction_are_its(first: Corrected, turns, times: float, said: bool) -> None:
+    assert is_told(first, times * turns[0], turns[0], {}) == said
+
+
+@pytest.mark.parametrize(("other", "said"), [(0.27, True), (0.33, False)])
+def test_seven_tenths_of_the_turns_are_a_corrections(first: Corrected, turns, other: float, said: bool) -> None:
+    """By their squares; the rest is something else."""
+    assert is_told(first, turns[0] + np.sqrt(other / (1 - other)) * turns[1], turns[0], {}) == said
+
+
+@pytest.mark.parametrize(("size", "largest", "said"), [
+    (1.8e-5, 0, False), (2.2e-5, 0, True), (0, 0.9, True), (0, 1.1, False)])
+def test_turns_of_twenty_microradians_to_a_degree_are_judged(first: Corrected, turns, size: float, largest, said) -> None:
+    scale = size / 1e-4 if size else np.radians(largest) / np.linalg.norm(turns[0], axis=1).max()
+    assert is_told(first, scale * turns[0], scale * turns[0], {}) == said
+
+
+@pytest.mark.parametrize(("air", "fewer", "said"), [
+    (dict.fromkeys(range(4), 0.01), 0, True), (dict.fromkeys(range(5), 0.01), 0, False),        # six, and five, of ten
+    (dict.fromkeys(range(5), 0.9e-6), 0, True), (dict.fromkeys(range(5), 1.1e-6), 0, False),
+    ({}, 7, True), ({}, 8, False)])                                                             # three, and two, in all
+def test_most_of_the_targets_in_the_air_show_the_programs_own_orientation(first: Corrected, turns, air, fewer, said) -> None:
+    """Within a microradian."""
+    assert is_told(first, turns[0], turns[0], air, fewer) == said

@@ -544,14 +544,15 @@ def test_a_force_within_the_noise_is_said_to_be_none() -> None:
     assert not _without_force(path, forces, np.zeros((5, 6)), zero)
 
 
-@pytest.mark.parametrize(("count", "least", "tare", "said"), [
-    (5, 30.0, (), True), (4, 30.0, (), False), (5, 19.0, (), False), (5, 30.0, ((0, 1),), False)])
+@pytest.mark.parametrize(("count", "largest", "least", "tare", "said"), [
+    (5, 100.0, 22.0, (), True), (4, 100.0, 30.0, (), False), (5, 100.0, 19.0, (), False), (5, 100.0, 30.0, ((0, 1),), False),
+    (5, 8.0, 5.5, (), True), (5, 8.0, 4.5, (), False)])
 def test_a_program_that_cuts_on_every_move_shows_no_zero(
-    count: int, least: float, tare: tuple[tuple[int, int], ...], said: bool,
+    count: int, largest: float, least: float, tare: tuple[tuple[int, int], ...], said: bool,
 ) -> None:
-    """Five moves or more, all with more than a fifth of the largest force, and no tare."""
+    """Five moves or more, all with more than a fifth of the largest force, and than 5 N, and no tare."""
     wrench = np.zeros((count, 6))
-    wrench[:, 1], wrench[1, 1] = 100.0, least
+    wrench[:, 1], wrench[1, 1] = largest, least
     placed: Any = SimpleNamespace(forced=np.ones(count, dtype=bool), wrench=wrench, unknown=None,
                                   log=SimpleNamespace(source="log.csv"))
     path: Any = SimpleNamespace(cell=SimpleNamespace(force_log=SimpleNamespace(bias=None)))

@@ -10,15 +10,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from compensator.learned.learned import DRIFT, SETUP, JobFrame, Learned, Repeats
+from compensator.learned.learned import DRIFT, SETUP, JobFrame, Learned, Repeats, Rest
 from compensator.learned.learned_file import learned_json, read_learned
 from compensator.learned.remainder import Remainder
 from identification.common.findings import CompstiffError, Refused
 from identification.model.cell import read_cell
 from identification.model.rotations import Frame
-from tests.support import write_cell
+from identification.model.stiffness import IdentifiedModel
+from tests.support import robot, write_cell
 
 PLACES, SPRINGS = 3, 6
 
@@ -150,3 +152,97 @@ def test_what_is_no_learned_file_is_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(CompstiffError) as stopped:
         read_learned(file, cell)
     assert stopped.value.findings[0].code == "CS5320"
+
+
+@pytest.mark.parametrize(("part", "name", "most", "least"), [
+    ("job", "radius_mm", 1e5, 0.0), ("job", "duration_s", 1e9, -1.0), ("remainder", "length_mm", 1e6, 0.0),
+    ("remainder", "amplitude_um", 1e5, -1.0)])
+def test_sizes_that_no_job_has_are_refused(tmp_path: Path, part: str, name: str, most: float, least: float) -> None:
+    """Just beyond the largest, and what is none; the largest itself is read."""
+    cell, file = read_cell(write_cell(tmp_path)), tmp_path / "learned.json"
+    content = learned_json(learned(), cell)
+    for value, words in ((most, ""), (1.1 * most, f"{part}.{name}: Input should be less than or equal to"),
+                         (least, f"{part}.{name}: Input should be greater than")):
+        content[part][name] = value
+        file.write_text(json.dumps(content))
+        if not words:
+            assert read_learned(file, cell).springs == SPRINGS
+            continue
+        with pytest.raises(CompstiffError, match=f"CS5320: {words}"):
+            read_learned(file, cell)
+
+
+@pytest.mark.parametrize(("key", "most"), [("springs", 200), ("effects", 20), ("places_mm", 500), ("posture_deg", 500)])
+def test_more_than_learn_writes_is_refused(tmp_path: Path, key: str, most: int) -> None:
+    """As many as may be are counted against what the file has beside them."""
+    cell, file = read_cell(write_cell(tmp_path)), tmp_path / "learned.json"
+    for count in (most, most + 1):
+        content = learned_json(learned(), cell)
+        if key == "springs":
+            content[key] = count
+        elif key == "effects":
+            content[key] = [{"effect": "no such", "joint": 1}] * count
+        else:
+            content["remainder"][key] = [[0.0] * (3 if key == "places_mm" else 6)] * count
+        file.write_text(json.dumps(content))
+        with pytest.raises(CompstiffError) as stopped:
+            read_learned(file, cell)
+        [found] = stopped.value.findings
+        assert (found.code == "CS5320" and found.message.split(": ")[0].endswith(key)) == (count > most), found
+
+
+@pytest.mark.parametrize(("off", "same"), [(0.9e-6, True), (1.1e-6, False)])
+def test_a_stiffness_file_is_the_same_to_a_millionth(off: float, same: bool) -> None:
+    """Of the largest of its parameters."""
+    given = replace(learned(), prior=np.array([-15.0, -14, -13, -12, -11, -10]))
+    model = IdentifiedModel(robot(), Frame.identity(), given.prior + np.array([0, 15 * off, 0, 0, 0, 0]), np.eye(6))
+    if same:
+        np.testing.assert_array_equal(given.model(model).mean, given.mean[:SPRINGS])
+        return
+    with pytest.raises(CompstiffError, match="CS5321: was learned with another stiffness file"):
+        given.model(model)
+
+
+def one_place(share: float = 0.1) -> Learned:
+    """A remainder of one place, of whose weights the part left so much of the variance of 20 um, and nothing else."""
+    size = SPRINGS + SETUP + DRIFT
+    covariance = np.zeros((size + 3, size + 3))
+    covariance[size:, size:] = share * 20e-6**2 * np.eye(3)
+    return Learned(np.zeros(SPRINGS), np.zeros(size + 3), covariance, learned().frame,
+                   Remainder(np.array([[1.0, 0, 0.5]]), np.zeros((1, 6)), 0.1, 20e-6))
+
+
+def matern(distance: float) -> float:
+    """Of unit length."""
+    r = float(np.sqrt(5) * distance)
+    return (1 + r + r * r / 3) * float(np.exp(-r))
+
+
+def at(given: Learned, off: float = 0.0, turned: float = 0.0) -> Rest:
+    """So far [m] beside the place, joint 4 turned by so much [rad]."""
+    path: Any = SimpleNamespace(base_from_tcp=Frame(np.eye(3)[None], np.array([[1.0, off, 0.5]])),
+                                theta=np.array([[0, 0, 0, turned, 0, 0]]), move_time=np.zeros(1))
+    return given.rest(path, np.arange(1))
+
+
+def test_half_a_radian_of_a_joint_is_as_far_as_the_length_of_the_remainder() -> None:
+    """On its circle, whose chord is a hundredth shorter; farther than that little is known."""
+    for turned in (0.1, 0.5, 1.0):
+        told = at(one_place(), turned=turned).basis[0, 0]
+        assert told == pytest.approx(at(one_place(), off=0.1 * 2 * np.sin(turned / 2) / 0.5).basis[0, 0], rel=1e-9)
+        assert told == pytest.approx(matern(2 * np.sin(turned / 2) / 0.5), rel=1e-5)
+
+
+@pytest.mark.parametrize(("share", "inside"), [(0.55, True), (0.45, False)])
+def test_a_place_is_inside_of_what_was_measured_where_half_its_variance_is_told(share: float, inside: bool) -> None:
+    off = brentq(lambda distance: matern(distance) ** 2 - share, 0.01, 3)
+    assert at(one_place(), off=0.1 * off).inside.tolist() == [inside]
+
+
+@pytest.mark.parametrize(("share", "untold"), [(0.28, True), (0.22, False)])
+def test_what_the_part_left_a_quarter_of_was_not_measured(share: float, untold: bool) -> None:
+    """Knowing it would take its own variance away, beside what lies between the places, which at a place is nothing."""
+    given = one_place(share)
+    added, unseen = given.covariance_beside(np.zeros((1, 3, SPRINGS)), at(given))
+    np.testing.assert_allclose(added[0], share * 400e-12 * np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(unseen[0], untold * share * 400e-12 * np.eye(3), atol=1e-15)

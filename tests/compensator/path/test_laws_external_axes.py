@@ -135,3 +135,10 @@ def test_a_circle_point_stands_half_way_where_its_arc_is_not_known(unknown: int 
         position[unknown] = np.nan
     share = _share_of_arc(position, np.array([1]))
     assert share == pytest.approx([0.25 if unknown is None else 0.5], rel=1e-9)
+
+
+@pytest.mark.parametrize(("way", "moves"), [(0.9e-4, False), (1.1e-4, True)])
+def test_an_axis_stands_that_is_written_alike_to_a_tenth_of_a_micrometre(tmp_path: Path, way: float, moves: bool) -> None:
+    ends = np.array([[950.0, 12.0, -20.0], [950.0 + way, 12.0, -20.0]])
+    axes = planned(CarriedJob(tmp_path, LINES, on="slide", ends=ends)).axes
+    assert (axes.moves, axes.base_moves) == (moves, moves)

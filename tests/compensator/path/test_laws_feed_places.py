@@ -15,8 +15,9 @@ from numpy.testing import assert_allclose
 from compensator.path.feasibility import FeedCheck, check_feed, judge
 from compensator.path.timing import drive
 from identification.common.findings import CompstiffError, Finding, Refused
+from identification.model.rotations import rotation_matrix
 from tests.compensator.correction.test_laws_intermediate_targets import LINES, between, log
-from tests.compensator.path.test_laws_timing import DOWN, forced, lines, program
+from tests.compensator.path.test_laws_timing import DOWN, RADIUS, forced, lines, program, swing, target
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3
 from tests.runs.command_line.user_files import IRB6660, Frame, Job, Rotation
@@ -296,3 +297,46 @@ def test_the_lowest_share_of_cuts_is_that_of_cuts(tmp_path: Path) -> None:
     assert 0 < cut.as_dict()["lowest_feed_ratio"] < cut.as_dict()["lowest_feed_ratio_with_force"]
     assert cut.as_dict()["lowest_feed_ratio"] == air.as_dict()["lowest_feed_ratio"]
     assert air.as_dict()["lowest_feed_ratio_with_force"] == 1.0
+
+
+@pytest.mark.parametrize(("share", "told_so"), [(0.985, True), (0.995, False)])
+def test_a_feed_is_held_where_one_per_cent_of_it_is_lacking(tmp_path: Path, share: float, told_so: bool) -> None:
+    """Joint 1 alone carries the tool round: its speed by the robot file, times the radius, is what can be driven."""
+    plan = program(tmp_path, swing(1e3 * robot().speed[0] * RADIUS / share))
+    found = told(check_feed(judge(plan, forced(3, [0, 1, 2])), strict=False), "CS4401")
+    assert len(found) == told_so
+    assert all(": 98 %, joint 1 at its speed limit" in one.message for one in found)
+
+
+@pytest.mark.parametrize(("share", "told_so"), [(0.85, True), (0.95, False)])
+def test_a_pass_of_the_singularity_is_told_that_is_a_tenth_nearer_than_both_ends(tmp_path: Path, share: float, told_so) -> None:
+    """The hand tilts sideways past 1.8 degrees from where axis 5 stands at zero; at the ends it is farther by this share."""
+    across = 1.8 * np.sqrt(share**-2 - 1)
+    start, end = past_the_singularity(-across, 1.8), past_the_singularity(across, 1.8)
+    check = check_feed(judge(program(tmp_path, moves([start, end], "v5")), forced(2, [0, 1])), strict=False)
+    assert_allclose(check.as_dict()["planned"]["wrist_margin_deg"], 1.8, atol=0.01)
+    assert len(told(check, "CS4406")) == told_so
+
+
+@pytest.mark.parametrize(("degrees", "words"), [
+    (148, "; at rest behind 1 linear move; "),
+    (152, "; at rest behind 2 linear moves, 1 of them in a corner sharper than 150 deg; ")])
+def test_a_corner_sharper_than_150_degrees_is_a_stop(tmp_path: Path, degrees: float, words: str) -> None:
+    turn = np.radians(degrees)
+    points = [[1100.0, 0, 700], [1150, 0, 700], [1150 + 50 * np.cos(turn), 50 * np.sin(turn), 700]]
+    [found] = told(check_feed(judge(program(tmp_path, lines(points, "v50", "z1"))), strict=False), "CS4403")
+    assert words in found.message
+
+
+@pytest.mark.parametrize(("step_um", "turn", "judged", "by_joints"), [
+    (0.9, 0.9e-5, 2, 0), (1.1, 0.9e-5, 3, 0), (0.9, 1.1e-5, 2, 1)])
+def test_a_target_within_a_micrometre_and_ten_microradians_is_the_one_before(
+        tmp_path: Path, step_um: float, turn: float, judged: int, by_joints: int) -> None:
+    """Farther off it is a move with a feed; turned on the spot it takes what the joints need."""
+    text = lines([[1100.0, 0, 700], [1150, 0, 700], [1150, 0, 700], [1150, 50, 700]], "v50", "fine")
+    third = target(np.array([1150 + 1e-3 * step_um, 0, 700]), rotation_matrix(np.array([0, turn, 0])) @ DOWN)
+    text[2] = f"MoveL {third},v50,fine,tSpindle;"
+    check = check_feed(judge(program(tmp_path, text)), strict=False)
+    assert check.as_dict()["planned"]["judged"] == judged
+    [found] = told(check, "CS4403")
+    assert f"; {by_joints} move{'' if by_joints == 1 else 's'} by joint angles timed, not judged by feed" in found.message

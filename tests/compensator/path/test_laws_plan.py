@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from compensator.path.arc_length import arc_length, polyline
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
+from compensator.toolpath import Move
 from identification.model.cell import read_cell
 from identification.model.inverse import configuration
 from identification.model.kinematics import forward
 from identification.model.rotations import Frame
-from tests.support import robot, write_cell
+from tests.support import CELL, robot, write_cell
 
 TOOL = Frame.from_quaternion([0.12, 0, 0.25], [1, 0, 0, 0])
 
@@ -102,3 +104,30 @@ def test_a_controller_that_checks_configurations_stops(tmp_path, before: str, ow
     plan = planned(tmp_path, joint(steps[0]), before, *(linear(theta, None if k < own else [0, 0, 0, 0])
                                                         for k, theta in enumerate(steps[1:], 1)))
     assert [finding.level for finding in plan.findings if finding.code == "CS4002"] == [level]
+
+
+@pytest.mark.parametrize(("base", "part", "said"), [
+    ("4.5, 0, 0", "0,0,-4.5", ["base_frame.position_mm is 4.5 mm", "the work object wPart is 4.5 mm"]),
+    ("5.5, 0, 0", "3.5,0,4.5", []), ("0, 0, 0", "0,0,0", [])])
+def test_a_frame_within_five_millimetres_of_the_worlds_origin_may_be_in_metres(tmp_path, base: str, part: str, said) -> None:
+    """Not one that is in it."""
+    cell = read_cell(write_cell(tmp_path, f"{CELL}base_frame: {{position_mm: [{base}], quaternion: [1, 0, 0, 0]}}\n"))
+    data = f"PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[{part}],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n"
+    text = f"MODULE M\n{data}PROC main()\n{joint([10.0, 20, 30, 40, 50, 60])[:-1]}\\WObj:=wPart;\nENDPROC\nENDMODULE\n"
+    found = [one for one in robot_path(read_rapid(text.encode(), "m.mod").toolpath, cell).findings if one.code == "CS0118"]
+    assert [one.message for one in found] == [f"{words} from the world's origin: is it in metres?" for words in said]
+    assert [one.line for one in found] == ([None, 2] if said else [])
+
+
+def test_a_polyline_has_a_point_every_three_degrees_of_an_arc() -> None:
+    """A quarter of a circle, to its middle and on to its end, and the line before it as it is."""
+    angle = np.radians([0.0, 45, 90])
+    points, length = polyline(np.concatenate([[[1, -1, 0]], np.column_stack([np.cos(angle), np.sin(angle), np.zeros(3)])]),
+                              np.array([Move.LINEAR, Move.LINEAR, Move.ARC_VIA, Move.ARC_END], dtype=np.uint8))
+    assert_allclose(length, np.append(0, 1 + np.radians(np.arange(0, 91, 3))), atol=1e-12)
+    assert_allclose(points[1:, :2], np.column_stack([np.cos(length[1:] - 1), np.sin(length[1:] - 1)]), atol=1e-12)
+
+
+def test_a_target_a_thousand_kilometres_away_is_on_no_path() -> None:
+    far = np.array([[0, 0, 0], [0.99e6, 0, 0], [0, -1.01e6, 0], [0, 0, 0.0]])
+    assert_allclose(arc_length(far, np.full(4, Move.LINEAR, dtype=np.uint8)), [0, 0.99e6, np.nan, 1.98e6])

@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -333,6 +334,88 @@ def test_quaternions_a_little_off_the_unit_are_normalised_and_told(tmp_path, cel
         [f"quaternions are off the unit by up to {off:.2g} and were normalised"] if said else [])
     if off > 1e-4:
         assert found[0].line == 9
+
+
+@pytest.mark.parametrize(("length", "refused"), [(0.9991, False), (1.0009, False), (0.9989, True), (1.0011, True)])
+def test_a_quaternion_a_thousandth_off_the_unit_is_none(tmp_path, length, refused):
+    """The first row that is, beside one that is a little nearer to the unit."""
+    (tmp_path / "cut.csv").write_text(f"x_mm,y_mm,z_mm,q1,q2,q3,q4\n0,0,0,1,0,0,0\n1,0,0,0,{length:g},0,0\n"
+                                      f"2,0,0,0,{1 + 1.01 * (length - 1):.8f},0,0\n")
+    if not refused:
+        assert read_cam_path(tmp_path / "cut.csv", DEFAULTS.posting).quaternion[1] == pytest.approx([0, 1, 0, 0])
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read_cam_path(tmp_path / "cut.csv", DEFAULTS.posting)
+    found, = stopped.value.findings
+    assert (found.code, found.line) == ("CS2151", 3)
+    assert f"the quaternion has length {length:g}, expected 1 within 0.001" in found.message
+
+
+@pytest.mark.parametrize(("quadrant", "cfx", "words"), [
+    (7, 7, ""), (-7, 0, ""), (8, 0, "'cf6': found 8, expected a whole number from -7 to 7"),
+    (-8, 0, "'cf6': found -8, expected a whole number from -7 to 7"),
+    (0, 8, "'cfx': found 8, expected a whole number from 0 to 7")])
+def test_quadrants_of_a_table_reach_to_seven(tmp_path, quadrant, cfx, words):
+    (tmp_path / "cut.csv").write_text(f"x_mm,y_mm,z_mm,q1,q2,q3,q4,cf1,cf4,cf6,cfx\n0,0,0,1,0,0,0,0,0,{quadrant},{cfx}\n")
+    if not words:
+        assert read_cam_path(tmp_path / "cut.csv", DEFAULTS.posting).confdata.tolist() == [[0, 0, quadrant, cfx]]
+        return
+    with pytest.raises(CompstiffError, match=f"CS2152: column {words}"):
+        read_cam_path(tmp_path / "cut.csv", DEFAULTS.posting)
+
+
+def test_twenty_millimetres_a_second_are_assumed_where_nothing_states_a_feed(tmp_path, cell):
+    read = post(read_cam_path(table(tmp_path, cell), DEFAULTS.posting), cell, DEFAULTS.posting, "part.mod").program.toolpath
+    assert set(read.feed) == {0.02}
+    assert [one.message for one in read.findings if one.code == "CS2150"] == [
+        "no column feed_mm_s: 20 mm/s is assumed for every cut"]
+
+
+@pytest.mark.parametrize(("column", "row", "off", "words"), [
+    ("x_mm", 4, 0.45, ""), ("x_mm", 4, 0.55, "0.550 mm and 0.000 degrees off this row's pose, at most 0.5 mm and 0.1 "),
+    ("q6_deg", 7, 0.09, ""), ("q6_deg", 7, -0.11, "0.000 mm and 0.110 degrees off this row's pose, at most 0.5 mm and 0.1 ")])
+def test_joint_angles_and_pose_of_a_row_agree_within_half_a_millimetre_and_a_tenth_of_a_degree(
+        tmp_path, cell, column, row, off, words):
+    """Joint 6 turns the flange on the spot."""
+    joints = {f"q{i + 1}_deg": angle for i, angle in enumerate(np.degrees(reference(cell)).T)}
+    path = table(tmp_path, cell, **joints)
+    header, *rows = path.read_text().splitlines()
+    cells = rows[row].split(",")
+    at = header.split(",").index(column)
+    cells[at] = f"{float(cells[at]) + off:.9f}"
+    rows[row] = ",".join(cells)
+    path.write_text("\n".join([header, *rows]))
+    if not words:
+        assert robot_path(planned(path, cell).toolpath, cell).reached.all()
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        planned(path, cell)
+    found, = stopped.value.findings
+    assert (found.code, found.line, found.target) == ("CS2153", row + 2, row)
+    assert words in found.message
+
+
+@pytest.mark.parametrize(("lean", "words"), [
+    (79.0, ""), (81.0, "the tool axis comes within 9.0 degrees of the direction --tool-x, at least 10 are needed")])
+def test_the_tool_may_lean_to_ten_degrees_from_the_direction_its_x_is_turned_to(tmp_path, cell, lean, words):
+    """The second of two targets does, against --tool-x."""
+    sine, cosine = np.sin(np.radians(lean)), np.cos(np.radians(lean))
+    (tmp_path / "part.apt").write_text("UNITS/MM\nMULTAX/ON\nFEDRAT/1200,MMPM\nGOTO/0,0,0,0,0,1\n"
+                                       f"GOTO/1,0,0,{-sine:.9f},0,{cosine:.9f}\n")
+    with pytest.raises((CompstiffError, Refused)) as stopped:
+        post(read_apt(tmp_path / "part.apt"), cell, replace(DEFAULTS.posting, tool_x=(2.0, 0, 0)), "part.mod")
+    found, = stopped.value.findings
+    # Within, so far a turn in a millimetre is what no arm does.
+    assert (found.code, found.line, found.target) == ("CS4304" if words else "CS4303", 5, 1)
+    assert words in found.message
+
+
+@pytest.mark.parametrize("length", [200, 201])
+def test_a_comment_of_two_hundred_letters_is_kept_whole(tmp_path, cell, length):
+    text = "".join(chr(97 + k % 26) for k in range(length))
+    (tmp_path / "shell.apt").write_text(APT.replace("MULTAX/ON", f"PPRINT/{text}\nMULTAX/ON", 1))
+    lines = post(read_apt(tmp_path / "shell.apt"), cell, DEFAULTS.posting, "shell.mod").content.decode().splitlines()
+    assert [line.strip() for line in lines if text[:50] in line] == [f"! {text if length == 200 else text[:197] + '...'}"]
 
 
 @pytest.mark.parametrize(("count", "more"), [(8, ""), (9, ", and 1 more mm/s"), (12, ", and 4 more mm/s")])

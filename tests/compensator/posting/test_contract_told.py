@@ -70,3 +70,11 @@ def test_axes_that_a_posted_program_holds_are_told(tmp_path: Path, units: str, w
     assert [(one["level"], one["message"]) for one in found] == ([
         ("note", f"the program holds {words}, as parked in cell.yaml; workobject stays where it is stated")] if words else [])
     assert (tmp_path / "out.mod").read_text().count(written) == 2
+
+
+@pytest.mark.parametrize(("step", "code"), [(85, 0), (95, 3)])
+def test_a_joint_that_turns_over_ninety_degrees_from_target_to_target_is_a_jump(tmp_path: Path, step: float, code: int) -> None:
+    run = posted(tmp_path, [[-45, 20, 20, 5, 30, 10], [step - 45, 20, 20, 5, 30, 10]])
+    assert run.code == code, run
+    found = [one for one in run.json["findings"] if one["code"] == "CS4303"]
+    assert [(one["line"], one["target"]) for one in found] == ([(3, 1)] if code else [])

@@ -10,7 +10,7 @@ import pytest
 from compensator.posting.apt import read_apt
 from compensator.posting.campath import CamPath
 from compensator.posting.odd_moves import said_of_moves
-from compensator.posting.post import _odd_spindle
+from compensator.posting.post import _odd_spindle, post
 from compensator.posting.settings import PostingSettings
 from compensator.toolpath import Move
 from identification.model.cell import read_cell
@@ -210,3 +210,82 @@ def test_another_spindle_speed_than_the_cells_is_said(tmp_path) -> None:
         "CS4325", f"the spindle turns at {rpm:g} rpm in the file; force_log.spindle_rpm in cell.yaml is 9000")] for rpm in told}
     unstated = read_cell(write_cell(tmp_path))
     assert _odd_spindle(replace(there, spindle_rpm=24000.0), unstated) == []
+
+
+def straight(count: int, spacing: float = 4.0) -> np.ndarray:
+    return np.column_stack([spacing * np.arange(count), np.zeros((count, 2))])
+
+
+@pytest.mark.parametrize(("targets", "below", "told"), [(20, 1.1, True), (19, 1.1, False), (20, 0.9, False)])
+def test_a_cut_at_an_end_is_told_from_a_millimetre_below_the_air_and_twenty_targets_on(targets, below, told) -> None:
+    """All cuts but the first lie as high as the moves in the air."""
+    points = straight(targets)
+    points[0, 2] = -below
+    rapid = np.zeros(targets, dtype=bool)
+    rapid[[5, -1]] = True
+    found = said_of_moves(path(points, rapid), np.tile(UPWARDS, (targets, 1)), PostingSettings())
+    assert [one.code for one in found] == ["CS4317"] * told
+    if told:
+        assert "a cut 1.1 mm below all moves in the air is where the program begins" in found[0].message
+
+
+def gone_out(cuts: int, out: float, gap: float = 8.0, places: tuple[int, ...] = (10,), spacing: float = 4.0) -> CamPath:
+    """A straight cut whose targets `places` stand `out` mm to the side, half way between neighbours `gap` mm apart."""
+    step = np.full(cuts - 1, spacing)
+    for at in places:
+        step[at - 1:at + 1] = gap / 2
+    points = np.column_stack([np.append(0, np.cumsum(step)), np.zeros((cuts, 2))])
+    points[list(places), 1] = out
+    return with_air(points)
+
+
+@pytest.mark.parametrize(("cam_path", "told"), [
+    (gone_out(22, 15.0), True), (gone_out(21, 15.0), False),                            # with 20 cuts between two others
+    (gone_out(40, np.sqrt(13.2**2 - 16)), True), (gone_out(40, np.sqrt(10.8**2 - 16)), False),      # 3.3 and 2.7 steps of 4 mm
+    # Out and back at 140 and 129 degrees, cosines -0.77 and -0.63, over 5 steps long each.
+    (gone_out(40, 10 * np.tan(np.radians(70)), 20.0), True), (gone_out(40, 18 * np.tan(np.radians(64.5)), 36.0), False),
+    (gone_out(60, 15.0, places=(10, 30)), True), (gone_out(60, 15.0, places=(10, 30, 50)), False)])
+def test_a_target_is_out_of_line_where_the_cut_goes_three_steps_out_and_back_once_or_twice(cam_path: CamPath, told) -> None:
+    assert said(cam_path) == ["CS4319"] * told
+
+
+@pytest.mark.parametrize(("zone", "worst"), [(0.75, "0.27"), (0.65, "")])
+def test_a_zone_is_told_that_takes_over_a_quarter_of_a_millimetre_off_a_corner(zone: float, worst: str) -> None:
+    """A parabola from `zone` before to `zone` behind a right angle: its middle misses the corner by zone / sqrt(8). So too
+    where the tool comes down and goes off sideways."""
+    found = said_of_moves(with_air(np.array([(0, 0, 0), (30, 0, 0), (30, 30, 0)], dtype=float)), np.tile(UPWARDS, (5, 1)),
+                          PostingSettings(zone_mm=zone))
+    assert [one.message for one in found] == (
+        [f"zones of {zone:g} mm cut off 2 corners of the cut, the worst by {worst} mm"] if worst else [])
+
+
+PLACED = CELL + "workobject: {position_mm: [1010, 990, 700], quaternion: [1, 0, 0, 0]}\n"
+CUTTING = PLACED + "force_log: {spindle_rpm: 9000}\ncutting: {material: aluminium, tool_diameter_mm: 10}\n"
+
+
+@pytest.mark.parametrize(("apt", "code", "words"), [
+    ("SPINDL/9880,RPM,CLW", "CS4325", ""), ("SPINDL/9920,RPM,CLW", "CS4325", "the spindle turns at 9920 rpm in the file"),
+    ("SPINDL/8120,RPM,CLW", "CS4325", ""), ("SPINDL/8080,RPM,CLW", "CS4325", "the spindle turns at 8080 rpm in the file"),
+    ("CUTTER/10.18", "CS4316", ""), ("CUTTER/10.22", "CS4316", "is cut with a cutter of 10.22 mm;"),
+    ("CUTTER/9.82", "CS4316", ""), ("CUTTER/9.78", "CS4316", "is cut with a cutter of 9.78 mm;"),
+    # 10 mm of cutter at 150 turns a second: 0.02 mm a turn are 3 mm/s, 2.5 mm a turn 375 mm/s.
+    ("FEDRAT/192,MMPM", "CS4307", ""), ("FEDRAT/168,MMPM", "CS4307", "at 2.8 mm/s and 9000 rpm the feed is 0.019 mm a turn"),
+    ("FEDRAT/21600,MMPM", "CS4307", ""), ("FEDRAT/23400,MMPM", "CS4307", "at 390 mm/s and 9000 rpm the feed is 2.6 mm a turn"),
+])
+def test_spindle_cutter_and_feed_a_turn_are_held_against_the_cells(tmp_path, apt: str, code: str, words: str) -> None:
+    assert [message[:len(words)] for message in posted(tmp_path, apt, CUTTING, code)] == [words] * bool(words)
+
+
+@pytest.mark.parametrize(("apt", "words"), [
+    ("FEDRAT/33,MMPM", ""), ("FEDRAT/27,MMPM", "cutting feeds from 0.45 to 0.45 mm/s: robots mill at 0.5 to 500"),
+    ("FEDRAT/29400,MMPM", ""), ("FEDRAT/30600,MMPM", "cutting feeds from 510 to 510 mm/s: robots mill at 0.5 to 500")])
+def test_feeds_that_no_robot_mills_at_are_told_of_any_cutter(tmp_path, apt: str, words: str) -> None:
+    assert posted(tmp_path, apt, PLACED, "CS4307") == [words] * bool(words)
+
+
+def posted(folder, apt: str, cell: str, code: str) -> list[str]:
+    """What this code says of a cut that is posted behind these words."""
+    (folder / "part.apt").write_text(f"UNITS/MM\nFEDRAT/1200,MMPM\n{apt}\nGOTO/0,0,0\nGOTO/50,0,0\n")
+    read = read_cell(write_cell(folder, cell))
+    said = post(read_apt(folder / "part.apt"), read, PostingSettings(), "part.mod")
+    return [one.message for one in said.findings if one.code == code]

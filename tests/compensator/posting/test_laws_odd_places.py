@@ -3,6 +3,8 @@ away from the part and rows that were sorted are told."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -107,13 +109,67 @@ def test_leaps_in_any_direction_from_thirty_on_are_told_with_the_longest(spread:
                               f"turns by {np.median(turns):.0f} degrees; the nearest cuts lie {np.median(near):.2g} mm apart")
 
 
-def test_leaps_are_those_of_five_times_the_way_to_the_next_place() -> None:
-    """A hundred places of a square, driven by no order: half of the steps are longer than about five of its meshes."""
-    square = 3.0 * np.stack(np.meshgrid(np.arange(10), np.arange(10), [0]), axis=-1).reshape(-1, 3)
-    told = set()
-    for seed in range(12):
-        points = np.random.default_rng((4315, seed)).permutation(square)
-        leaps = bool(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1)) >= 5 * 3.0)
-        assert bool(drawn_at(points)) == leaps, seed
-        told.add(leaps)
-    assert told == {True, False}
+def messages(points_mm: object, rapid: np.ndarray | None = None, tilt_deg: float = 0.0) -> list[str]:
+    """Of targets whose tool leans by so much to either side of upright in turn."""
+    points = np.array(points_mm, dtype=float)
+    cam_path = path(points, np.zeros(len(points), dtype=bool) if rapid is None else rapid)
+    axis = np.array([[np.sin(turn), 0, np.cos(turn)] for turn in np.radians(tilt_deg) * (-1.0) ** np.arange(len(points))])
+    return [finding.message for finding in said_of_places(replace(cam_path, axis=axis, quaternion=None), TOOL)]
+
+
+@pytest.mark.parametrize(("air", "depth", "tilt", "told"), [
+    (5, 0.55, 0, True), (4, 0.55, 0, False), (5, 0.45, 0, False),
+    (5, 0.6, 17, True), (5, 0.6, 20, False)])           # the mean of unit vectors is the cosine: 0.956 and 0.94
+def test_air_under_the_cuts_is_told_of_five_moves_of_a_tool_of_one_direction(air, depth, tilt, told: bool) -> None:
+    """The cuts first, then the moves in the air, deeper: the way between them is one way alone."""
+    points = np.column_stack([4.0 * np.arange(12), np.zeros(12), np.zeros(12)])
+    rapid = np.arange(12) >= 12 - air
+    points[rapid, 2] = -depth
+    shown = f"{depth * np.cos(np.radians(tilt)):.3g}"
+    assert messages(points, rapid, tilt) == (
+        [f"the moves in the air lie {shown} mm deeper than the cuts, in the middle: are they the cuts?"] if told else [])
+
+
+@pytest.mark.parametrize(("depth", "told"), [(0.55, True), (0.45, False)])
+def test_two_moves_in_the_air_that_leave_towards_the_tip_are_told_from_half_a_millimetre_on(depth: float, told: bool) -> None:
+    points = np.column_stack([4.0 * np.arange(14), np.zeros(14), np.zeros(14)])
+    rapid = np.isin(np.arange(14), [4, 9])
+    points[rapid, 2] = -depth
+    assert messages(points, rapid) == (
+        [f"the moves in the air leave the cuts towards the tool's tip, by {depth:g} mm in the middle"] if told else [])
+
+
+def star(count: int, turn_deg: float, rise: float = 0.0) -> np.ndarray:
+    """From place to place round a circle of 100 mm, each so many degrees on, and so much higher [mm]."""
+    angle = np.radians(turn_deg) * np.arange(count)
+    return np.column_stack([100 * np.cos(angle), 100 * np.sin(angle), rise * np.arange(count)])
+
+
+# 31 places round a circle, of which the sixth is next: steps of 200 sin(34.8 deg) = 114.3 mm, and the place five steps on is
+# the neighbour, 200 sin(5.81 deg) = 20.2 mm away, or, with 3 mm a step upwards, 25.2 mm: 5.6 and 4.5 times nearer.
+SIXTH = 6 * 360 / 31
+
+
+@pytest.mark.parametrize(("points", "told"), [
+    (star(31, SIXTH), True), (star(31, SIXTH, 3.0), False), (star(30, SIXTH), False),
+    (star(40, 63.0), True), (star(40, 57.0), False)])
+def test_thirty_steps_that_turn_and_leap_over_nearer_places_are_disorder(points: np.ndarray, told: bool) -> None:
+    """Each condition beside its limit: turns of 63 and 57 degrees, leaps of 5.6 and 4.5 times the way to the neighbour, 30 and
+    29 steps."""
+    found = messages(points)
+    assert len(found) == told
+    if told and len(points) == 31:
+        assert found[0] == ("from cut to cut the path leaps 114 mm, in the middle, in any direction, and turns by 70 degrees; "
+                            "the nearest cuts lie 20 mm apart")
+
+
+@pytest.mark.parametrize(("diagonal", "told"), [(11, True), (9, False)])
+def test_rows_and_columns_with_few_diagonals_are_an_order(diagonal: int, told: bool) -> None:
+    """Out and back in four directions; of 40 ways 9 or 11 along the diagonals: cosines of the fourfold angle of 1 and -1, whose
+    mean is 0.55 or 0.45."""
+    points = []
+    for number in range(40):
+        angle = np.radians(90 * (number % 4) + 45 * (number < diagonal))
+        start = np.array([0.5 * number, 0, 0])
+        points += [start, start + 100 * np.array([np.cos(angle), np.sin(angle), 0])]
+    assert len(messages(points)) == told

@@ -242,3 +242,18 @@ def test_reltool_from_an_unusable_quaternion():
     toolpath = path(f"MoveL RelTool({target(q='[0,0,0,0]')},1,0,0),{MOVE}")
     assert "quaternion" in toolpath.block[0]
     assert np.isnan(toolpath.position).all()
+
+
+@pytest.mark.parametrize(("off", "code"), [(0.9e-5, ""), (1.1e-5, "CS2013"), (-1.1e-5, "CS2013"), (0.095, "CS2013"),
+                                           (0.105, "CS2012"), (-0.095, "CS2013"), (-0.105, "CS2012")])
+def test_a_sum_of_squares_is_one_within_a_tenth_and_not_told_within_a_hundred_thousandth(off, code) -> None:
+    """Of a target, of one that RelTool shifts from, and of a tool."""
+    q = f"[{np.sqrt(1 + off):.12f},0,0,0]"
+    toolpath = path(f"MoveL {target(1, q=q)},{MOVE}MoveL RelTool({target(2, q=q)},1,0,0),{MOVE}")
+    unusable = code == "CS2012"
+    assert np.isnan(toolpath.quaternion).any(axis=1).tolist() == [unusable, unusable]
+    assert np.isnan(toolpath.position).any(axis=1).tolist() == [False, unusable]
+    assert {one.code for one in toolpath.findings if one.code in ("CS2012", "CS2013")} == ({code} if code else set())
+    tool = f"PERS tooldata tMine:=[TRUE,[[1,2,3],{q}],[1,[0,0,1],[1,0,0,0],0,0,0]];"
+    [read] = path(f"MoveL {target(1)},v100,z1,tMine;", tool).tools
+    assert (read.position is None) == unusable

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -246,3 +248,46 @@ def test_moves_that_are_not_counted_go_with_the_two_targets_they_lie_between(
     assert set(taken.uncounted) == kept
     np.testing.assert_array_equal(taken.position, toolpath.position[order])
     assert replace(toolpath, uncounted=()).taken(np.array(order)).uncounted == ()
+
+
+@pytest.mark.parametrize(("deep", "followed"), [(140, True), (160, False)])
+@pytest.mark.parametrize("kind", ["branches", "calls"])
+def test_a_hundred_and_fifty_blocks_within_blocks_are_followed(kind: str, deep: int, followed: bool) -> None:
+    if kind == "branches":
+        run = runs(main="IF TRUE THEN\n" * deep + "m;" + "ENDIF\n" * deep)
+    else:
+        run = runs(main="r0;", **{f"r{k}": f"r{k + 1};" for k in range(deep)}, **{f"r{deep}": "m;"})
+    assert [way.order.tolist() for way in run.ways] == [[0]] * followed
+
+
+@pytest.mark.parametrize(("main", "cut", "driven"), [
+    ("FOR i FROM 1 TO 9700 DO rCut; rCut; ENDFOR", 1, 19_400), ("FOR i FROM 1 TO 10300 DO rCut; rCut; ENDFOR", 1, 0),    # calls
+    ("FOR i FROM 1 TO 9700 DO rCut; ENDFOR", 10, 97_000), ("FOR i FROM 1 TO 10300 DO rCut; ENDFOR", 10, 0),             # moves
+    ("FOR i FROM 1 TO 10 DO rCut; ENDFOR", 10_500, 105_000), ("FOR i FROM 1 TO 11 DO rCut; ENDFOR", 10_500, 0)])
+def test_what_is_driven_is_followed_to_twenty_thousand_calls_and_a_hundred_thousand_moves(main: str, cut: int, driven) -> None:
+    """Of a program that is larger itself each move may be driven ten times."""
+    moves = f"MoveL {target()},v100,z1,tool0;\n" * cut
+    text = f"MODULE M\nPROC main()\n{main}\nENDPROC\nPROC rCut()\n{moves}ENDPROC\nENDMODULE\n"
+    order = read_rapid(text.encode()).runs.order
+    assert (0 if order is None else len(order)) == driven
+
+
+@pytest.mark.parametrize(("turns", "ways"), [(19_500, {19_500}), (20_500, {0, 1, 2, 3, 4, 5, 6, 7, 8})])
+def test_a_loop_is_followed_for_twenty_thousand_turns(turns: int, ways: set[int]) -> None:
+    """Of more it may have any number."""
+    assert {len(way.order) - 1 for way in runs(main=f"m; FOR i FROM 1 TO {turns} DO m; ENDFOR").ways} == ways
+
+
+@pytest.mark.parametrize("branches", [6, 7])
+def test_sixty_four_ways_are_followed(branches: int) -> None:
+    run = runs(main="IF DInput(di)=1 m; " * branches)
+    assert (len(run.ways), run.open) == ((64, False) if branches == 6 else (0, True))
+
+
+@pytest.mark.parametrize(("loops", "turns"), [(1, range(9)), (2, range(5)), (3, range(3)), (4, ())])
+def test_loops_that_nobody_counts_have_up_to_eight_turns_of_more_of_them_fewer(loops: int, turns: Sequence[int]) -> None:
+    """Every number of turns of the one goes with every one of the others; of four loops there would be too many."""
+    run = runs(main="FOR i FROM 1 TO nTurns DO m; ENDFOR " * loops)
+    found = {tuple(way.order.tolist().count(number) for number in range(loops)) for way in run.ways}
+    assert found == (set(product(turns, repeat=loops)) if turns else set())
+    assert run.open is not bool(turns)

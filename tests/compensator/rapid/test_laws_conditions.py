@@ -52,3 +52,12 @@ def test_a_condition_decides_where_it_is_known(seed: int) -> None:
 ])
 def test_what_binds_first_and_what_stays_open(condition: str, meant: set[int]) -> None:
     assert driven(condition) == meant
+
+
+@pytest.mark.parametrize(("deep", "settled"), [(36, True), (44, False)])
+def test_parentheses_are_followed_forty_deep(deep: int, settled: bool) -> None:
+    """In conditions, and in the bounds of loops."""
+    assert driven(f"{'(' * deep}bYes{')' * deep}") == ({0} if settled else {0, 1})
+    text = f"MODULE M\nPROC main()\nFOR i FROM 1 TO {'(' * deep}3{')' * deep} DO\nrCut;\nENDFOR\nENDPROC\n" \
+           f"PROC rCut()\nMoveL {target(0)},v100,z1,tool0;\nENDPROC\nENDMODULE\n"
+    assert (len(read_rapid(text.encode()).runs.ways) == 1) == settled

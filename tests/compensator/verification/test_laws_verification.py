@@ -13,11 +13,12 @@ import pytest
 from click.testing import CliRunner, Result
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
+from scipy.stats import norm
 
 from compensator.verification.batch_means import mean_along
 from compensator.verification.comparison import Scale, compare, estimate_scale
 from compensator.verification.readings import Readings, nearest, read_readings
-from compensator.verification.verify import _comparison_text, _scale_text
+from compensator.verification.verify import Verification, _comparison_text, _scale_text
 from compensator.verification.verify import verify as verify_files
 from compstiff.cli.main import compstiff
 from identification.common.findings import CompstiffError
@@ -910,3 +911,114 @@ def test_equal_values_have_no_correlation_whatever_their_last_digits() -> None:
     assert exactly.blocks == 16
     # A difference that is small against the values, and far above rounding, is one.
     assert mean_along(np.repeat([1.0, 1.0 + 1e-9], 32)).correlation != exactly.correlation
+
+
+@pytest.mark.parametrize(("count", "size", "code"), [
+    (10, 0.09, "CS6035"), (9, 0.09, ""), (10, 0.11, ""), (10, 2250.0, ""), (10, 2750.0, "CS6036")])
+def test_ten_readings_of_a_tenth_of_their_sigma_or_ten_millimetres_are_no_part(tmp_path: Path, count, size, code: str) -> None:
+    """Of a sigma of 4 um: 9 and 11 mm are 2250 and 2750 of it."""
+    values = 4 * size * (-1.0) ** np.arange(count)
+    file = csv(tmp_path, "r.csv", SIGMAS, np.column_stack([np.arange(count), values, *[np.full(count, np.nan)] * 2,
+                                                           *[np.full(count, 4.0)] * 3]))
+    cell = read_cell(write_cell(tmp_path))
+    if not code:
+        assert len(read_readings(file, cell)) == count
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read_readings(file, cell)
+    [found] = stopped.value.findings
+    assert found.code == code
+    assert found.message.startswith("all 10 deviations together are 0.09 times their own 1 sigma" if size < 1
+                                    else "deviations of 1.1e+04 um, RMS")
+
+
+@pytest.mark.parametrize(("shared", "said"), [(4, ""), (3, "only 3 of 40 rows belong to a row of "), (0, "no row belongs")])
+def test_two_passes_share_a_tenth_of_the_smaller_ones_places(tmp_path: Path, shared: int, said: str) -> None:
+    cell = read_cell(write_cell(tmp_path))
+    first, second = (csv(tmp_path, name, "target,dx_um", np.column_stack([targets, np.full(len(targets), 30.0)]))
+                     for name, targets in (("b.csv", np.arange(100)), ("a.csv", np.arange(40) + 100 - shared)))
+    if not said:
+        assert verify_files(cell, first, second).comparison.before.points == shared
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        verify_files(cell, first, second)
+    [found] = stopped.value.findings
+    assert (found.code, found.file, found.message[:len(said)]) == ("CS6023", str(second), said)
+
+
+def test_a_place_got_worse_where_it_did_by_two_sigma_of_both_readings(tmp_path: Path) -> None:
+    """Of 3 and 4 um, 5 together: 11 um more count, 9 do not. By chance it is a Gaussian's share beyond two sigma."""
+    before, after = np.full(40, 50.0), np.full(40, 20.0)
+    after[[3, 9, 14]] = [61, -61, 59]
+    passes = [csv(tmp_path, name, "target,dn_um,sn_um", np.column_stack([np.arange(40), off, np.full(40, sigma)]))
+              for name, off, sigma in (("b.csv", before, 3), ("a.csv", after, 4))]
+    result = verify_files(read_cell(write_cell(tmp_path)), *passes)
+    assert result.comparison.worse == 2
+    assert result.as_dict()["worse_share_by_chance"] == pytest.approx(norm.sf(2), abs=1e-4)
+    assert "2 places (5.0 %) got worse by more than 2 sigma of the readings" in " ".join(result.lines())
+
+
+def scaled(folder: Path, scale: float, size: float = 100.0) -> tuple[Verification, list[str]]:
+    """A path that is off by so many times the prediction, but for a thousandth: the result and what is said of the scale."""
+    rng = np.random.default_rng(6031)
+    told = size * rng.normal(size=(200, 3))
+    rows = np.column_stack([np.arange(200), scale * told * (1 + 1e-3 * rng.normal(size=told.shape))])
+    read = csv(folder, "r.csv", SIGMAS, np.column_stack([rows, np.full((200, 3), max(1e-2, 1e-3 * scale * size))]))
+    file = csv(folder, "told.csv", "target,dx_um,dy_um,dz_um", np.column_stack([np.arange(200), told]))
+    result = verify_files(read_cell(write_cell(folder)), read, read, file)
+    return result, [one.code for one in result.findings if one.code in ("CS6031", "CS6049")]
+
+
+@pytest.mark.parametrize(("scale", "codes"), [
+    (0.45, ["CS6031"]), (0.55, ["CS6049"]), (0.84, ["CS6049"]), (0.86, []), (1.9, []), (2.1, ["CS6031"])])
+def test_a_scale_is_advised_from_a_half_to_two_and_doubted_under_85_per_cent(tmp_path: Path, scale: float, codes) -> None:
+    result, said = scaled(tmp_path, scale)
+    assert result.scale is not None
+    assert said == codes
+    assert result.scale.advised == (None if "CS6031" in codes else pytest.approx(scale, abs=2e-3))
+
+
+@pytest.mark.parametrize(("scale", "size", "unit"), [
+    (0.04, 100.0, "in mil"), (1e-3, 100.0, "in millimetres"), (1e3, 1.0, "in nanometres"), (2.1, 100.0, "of the diameter"),
+    (0.2, 100.0, ""), (4.5, 100.0, "")])
+def test_readings_in_another_unit_are_asked_about_it(tmp_path: Path, scale: float, size: float, unit: str) -> None:
+    result, _ = scaled(tmp_path, scale, size)
+    [hint] = [one.hint for one in result.findings if one.code == "CS6031"]
+    assert re.findall(r"are they in micrometres, or (.*)\? Else check sign", hint) == ([unit] if unit else [])
+
+
+@pytest.mark.parametrize(("halves", "share", "shown"), [
+    (1.65, 0.0, True), (1.35, 0.0, False), (0, 0.055, True), (0, 0.045, False)])
+def test_a_constant_is_there_at_one_and_a_half_half_widths_and_a_twentieth_of_the_whole(halves: float, share, shown) -> None:
+    """Beside a prediction of mean 0, and noise of mean 0 that has nothing of it: its blocks of 100 give the half width with
+    t(0.975; 15) = 2.1314. Where there is next to no noise the twentieth counts."""
+    rng = np.random.default_rng(6029)
+    predicted = np.tile([1.0, -1.0], 800) * rng.normal(size=1600)
+    predicted -= predicted.mean()
+    noise = rng.normal(size=1600)
+    noise -= noise.mean() + predicted * (noise @ predicted) / (predicted @ predicted)
+    if share:
+        noise *= 1e-3
+    else:
+        predicted *= 0.3
+    half = 2.1314 * noise.reshape(16, 100).mean(axis=1).std(ddof=1) / 4
+    constant = halves * half if halves else share * float(np.sqrt(np.mean(predicted**2)))
+    found = estimate_scale(1e-6 * (predicted + noise + constant)[:, None], 1e-6 * predicted[:, None])
+    assert found is not None
+    assert found.blocks == 16
+    assert found.constant_um == pytest.approx((constant,), rel=1e-6)
+    assert found.constant_shown == shown
+
+
+@pytest.mark.parametrize(("count", "size", "change", "said"), [
+    (10, 50.0, 0.13, "but for 13 % of it"), (9, 50.0, 0.13, ""), (10, 50.0, 0.17, ""),
+    (10, 0.77, 0.0, "but for 2.6 % of it"), (10, 0.64, 0.0, "")])
+def test_ten_places_that_are_clearly_off_as_before_but_for_15_per_cent_were_not_corrected(
+        tmp_path: Path, count: int, size: float, change: float, said: str) -> None:
+    """Sigma of a tenth of a micrometre: five times the noise of both passes are 0.71 um."""
+    off = size * (-1.0) ** np.arange(count)
+    passes = [csv(tmp_path, name, SIGMAS, np.column_stack([np.arange(count), values, *[np.full(count, np.nan)] * 2,
+                                                           *[np.full(count, 0.1)] * 3]))
+              for name, values in (("b.csv", off), ("a.csv", (1 - change) * off + (0 if change else 0.02)))]
+    found = [one.message for one in verify_files(read_cell(write_cell(tmp_path)), *passes).findings if one.code == "CS6048"]
+    assert [said in message for message in found] == [True] * bool(said)
