@@ -51,3 +51,18 @@ def test_a_cut_that_is_stated_is_held_against_the_forces(gain: float, told: bool
     if gain > 2:
         assert given.finding(STATED.model_copy(update={"contact_mm": 0.01}), None, "log")[0].code == "CS3079"
         assert not given.finding(CuttingFile(), None, "log")
+
+
+@pytest.mark.parametrize(("area", "depth", "words"), [
+    (23.8, 3e-3, ""), (24.2, 3e-3, "a cut of 24 mm2 in aluminium, within a factor of 2.5; it is stated as 6 mm2"),
+    (1.52, 3e-3, ""), (1.48, 3e-3, "a cut of 1.5 mm2 in aluminium, within a factor of 2.5; it is stated as 6 mm2"),
+    (79.0, None, ""), (81.0, None, "a cut of 81 mm2 in aluminium, within a factor of 2.5; it is stated as at most 32 mm2"),
+    (79.0, 14e-3, ""), (81.0, 14e-3, "stated as 28 mm2"), (1e-3, None, "")])
+def test_a_stated_cut_is_another_one_from_four_times_on_or_what_the_cutter_reaches(
+    area: float, depth: float | None, words: str
+) -> None:
+    """2 mm along the axis of a cutter of 16 mm: a depth of 3 mm is 6 mm2, and all that it can take 32, which is known within
+    2.5."""
+    said = TakenAsGiven("", "", 1.0, 1.0, {"aluminium": area}).finding(STATED, depth, "log")
+    assert [one.code for one in said] == ["CS3079"] * bool(words)
+    assert all(words in one.message for one in said)
