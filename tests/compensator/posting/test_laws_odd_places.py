@@ -117,3 +117,28 @@ def test_leaps_are_those_of_five_times_the_way_to_the_next_place() -> None:
         assert bool(drawn_at(points)) == leaps, seed
         told.add(leaps)
     assert told == {True, False}
+
+
+@pytest.mark.parametrize(("deep_mm", "air", "words"), [
+    (0.52, 5, "the moves in the air lie 0.52 mm deeper than the cuts, in the middle: are they the cuts?"), (0.48, 5, ""),
+    (30.0, 5, "the moves in the air lie 30 mm deeper than the cuts, in the middle: are they the cuts?"), (30.0, 4, "")])
+def test_moves_in_the_air_below_the_cuts_are_told_from_half_a_millimetre_on(deep_mm: float, air: int, words: str) -> None:
+    """Of five of them, all behind the cuts, beside which they begin."""
+    rapid = np.arange(12) >= 12 - air
+    points = np.column_stack([4.0 * np.arange(12), np.zeros(12), np.where(rapid, -deep_mm, 0.0)])
+    found = said_of_places(path(points, rapid), TOOL)
+    assert [(one.code, one.level, one.file, one.message) for one in found] == [
+        ("CS4309", "warning", "path.csv", words)] * bool(words)
+
+
+@pytest.mark.parametrize(("down_mm", "ways", "said"), [(0.52, 2, True), (0.48, 2, False), (0.52, 1, False)])
+def test_moves_out_of_the_cuts_towards_the_tip_are_told_from_half_a_millimetre_on(down_mm: float, ways: int, said: bool) -> None:
+    """Few moves in the air, between cuts that lie deeper still; of one way out or in nothing is said."""
+    x = 4.0 * np.arange(14)
+    rapid = np.isin(np.arange(14), (6, 7) if ways == 2 else (12, 13))
+    z = np.where(np.arange(14) < 6, 0.0, -8.0)
+    z[6 if ways == 2 else 12] = z[5 if ways == 2 else 11] - down_mm
+    z[7 if ways == 2 else 13] = z[8] - down_mm
+    found = said_of_places(path(np.column_stack([x, 0 * x, z]), rapid), TOOL)
+    assert [(one.code, one.message) for one in found] == [
+        ("CS4309", "the moves in the air leave the cuts towards the tool's tip, by 0.52 mm in the middle")] * said
