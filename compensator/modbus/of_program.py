@@ -14,7 +14,7 @@ SAME_PLACE, SAME_OFFSET = 2e-6, 2e-6
 
 def check_program(offsets: Offsets, position: Array, source: str, written: str = "") -> tuple[Finding, ...]:
     """Holds the offsets against a program, its targets at position (M, 3) [m] in the work object, NaN where its text does not
-    give one: the same targets at the same places. written: the record that names this program as what `correct` wrote, "": none.
+    give one: the same targets at the same places. written: the record by which `correct` wrote this program, "": none.
 
     Raises Refused: CS5022 another program or another version of it, CS5023 the corrected one, which has them already. Where
     the file does not say where its targets are only the record and their number are looked at, which a warning says (CS5024).

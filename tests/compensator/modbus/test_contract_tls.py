@@ -68,7 +68,8 @@ def test_files_that_are_no_certificates(tmp_path, certificates):
     for wrong, file, words in (
         (TlsFiles(good.key, good.certificate, good.key), good.key, "is not a certificate authority in PEM"),
         (TlsFiles(good.ca, good.key, good.key), good.key, f"is not a certificate in PEM that belongs to {good.key}"),
-        (TlsFiles(good.ca, good.certificate, stranger), good.certificate, f"is not a certificate in PEM that belongs to {stranger}"),
+        (TlsFiles(good.ca, good.certificate, stranger), good.certificate,
+         f"is not a certificate in PEM that belongs to {stranger}"),
     ):
         for side in ("client", "server"):
             with pytest.raises(CompstiffError) as stopped:

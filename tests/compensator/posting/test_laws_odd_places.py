@@ -132,7 +132,9 @@ def test_moves_in_the_air_below_the_cuts_are_told_from_half_a_millimetre_on(deep
 
 
 @pytest.mark.parametrize(("down_mm", "ways", "said"), [(0.52, 2, True), (0.48, 2, False), (0.52, 1, False)])
-def test_moves_out_of_the_cuts_towards_the_tip_are_told_from_half_a_millimetre_on(down_mm: float, ways: int, said: bool) -> None:
+def test_moves_out_of_the_cuts_towards_the_tip_are_told_from_half_a_millimetre_on(
+    down_mm: float, ways: int, said: bool
+) -> None:
     """Few moves in the air, between cuts that lie deeper still; of one way out or in nothing is said."""
     x = 4.0 * np.arange(14)
     rapid = np.isin(np.arange(14), (6, 7) if ways == 2 else (12, 13))

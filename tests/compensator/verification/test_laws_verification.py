@@ -248,7 +248,8 @@ def test_a_tenth_of_the_places_belongs_together(tmp_path: Path, columns: str, sh
 
     def file(name: str, target: np.ndarray) -> Path:
         where = target[:, None] if columns == "target" else np.column_stack([5.0 * target, 0 * target, 0 * target])
-        return csv(tmp_path, name, f"{columns},dx_um,dy_um,dz_um", np.column_stack([where, rng.normal(0, 40, (len(target), 3))]))
+        off = rng.normal(0, 40, (len(target), 3))
+        return csv(tmp_path, name, f"{columns},dx_um,dy_um,dz_um", np.column_stack([where, off]))
 
     before, after = file("before.csv", np.arange(40)), file("after.csv", np.arange(30) + 40 - shared)
     if not words:
