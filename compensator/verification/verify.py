@@ -181,9 +181,9 @@ def _comparison_findings(comparison: Comparison, source: str) -> list[Finding]:
                                 hint="do not use this correction; check sign and frame of the force log, and that the files "
                                 "are not exchanged"))
     if comparison.log_ratio is not None and comparison.log_ratio.correlation.short:
-        known = "no interval is given" if comparison.interval is None else "the interval is rather too narrow"
-        findings.append(Finding("CS6024", "warning", f"{counted(comparison.before.points, 'place')} with deviations that are "
-                                f"alike over {comparison.log_ratio.correlation.values:.0f} neighbours: {known}", file=source,
+        why = ("too few for an interval" if comparison.interval is None else "with deviations that are alike over "
+               f"{comparison.log_ratio.correlation.values:.2g} of them: the interval is rather too narrow")
+        findings.append(Finding("CS6024", "warning", f"{counted(comparison.before.points, 'place')} {why}", file=source,
                                 hint="measure a longer stretch of the path"))
     return findings
 

@@ -476,6 +476,24 @@ def test_a_scale_of_too_few_places_is_told(passes: dict[str, Path], tmp_path: Pa
         [("warning", str(read), True, True)] if said else [])
 
 
+@pytest.mark.parametrize(("count", "phi", "words"), [
+    (7, 0.0, "7 places too few for an interval"), (8, 0.0, ""), (40, 0.95, "places with deviations that are alike over"),
+    (1200, 0.5, "")])
+def test_a_comparison_of_too_few_places_is_told(tmp_path: Path, count: int, phi: float, words: str) -> None:
+    """Of independent ones under eight; of 40 that are alike over a dozen the interval is what it is, and said to be narrow."""
+    rng, cell, target = np.random.default_rng(6024), read_cell(write_cell(tmp_path)), np.arange(count)
+    before, after = (csv(tmp_path, name, "target,dx_um,dy_um,dz_um", np.column_stack([
+        target, remembering(rng, count, phi, size)])) for name, size in (("before.csv", 60.0), ("after.csv", 9.0)))
+    found = verify_files(cell, before, after)
+    told = [one for one in found.findings if one.code == "CS6024"]
+    assert [(one.level, one.file, words in one.message) for one in told] == [("warning", str(after), True)] * bool(words)
+    assert (found.comparison.interval is None) == (count < 8)
+    if count == 40:
+        places = re.search(r"alike over ([\d.]+) of them: the interval is rather too narrow", told[0].message)
+        assert places
+        assert 1.2 < float(places[1]) < 40
+
+
 @pytest.mark.parametrize(("name", "options"), [("places", ("--frame", "workobject")), ("normal", ())])
 def test_the_scale_in_other_frames_and_along_the_normal(passes: dict[str, Path], name: str, options: tuple[str, ...]) -> None:
     result = verify(passes["cell"], passes[name], passes[name], "--predicted", passes["predicted"], *options, "--json")
