@@ -116,11 +116,20 @@ def test_what_the_main_module_says():
     ("", "  LOCAL CONST num n:=1;\n", "LOCAL data"),
     ("", "  PROC other()\n  ENDPROC\n", "second module or routine"),
     ("", "  CONST num OUT_002_moves:=1;\n", "has the name out_002_moves"),
+    ("", "PROC main(num n)", "a function, a trap or parameters"), ("", "TRAP main", "a function, a trap or parameters"),
+    ("", "LOCAL FUNC num main()", "a function, a trap or parameters"),
+    ("", "LOCAL PROC main()", ""), ("", "PROC main( )", ""),
 ])
 def test_only_one_plain_procedure_is_split(before, declarations, says):
     body, air = moves(list("acaca"))
+    text = module(body, before, "" if "main" in declarations else declarations)
+    if "main" in declarations:
+        text = text.replace("PROC main()", declarations)
+    if not says:
+        assert split_program(text.encode(), np.array(air), 2, OUT).sizes == (1, 2, 2)
+        return
     with pytest.raises(CompstiffError, match=says) as refused:
-        split_program(module(body, before, declarations).encode(), np.array(air), 2, OUT)
+        split_program(text.encode(), np.array(air), 2, OUT)
     found = refused.value.findings[0]
     assert found.code == "CS4310"
     assert found.hint
