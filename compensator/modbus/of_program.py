@@ -21,9 +21,10 @@ def check_program(offsets: Offsets, position: Array, source: str, written: str =
     """
     count, rows = len(position), len(offsets.offset)
     last = offsets.first + rows
+    corrected = _twice(offsets, f"{source} is a corrected program (record {written})") if written else None
     if offsets.planned is None:
-        if written:
-            raise _twice(offsets, f"{source} is a corrected program (record {written})")
+        if corrected:
+            raise corrected
         if last != count:
             raise _other(offsets, source, f"they are for {counted(last, 'target')}, the program has {count}")
         return (Finding("CS5024", "warning", f"that {source} is their program is held by its number of targets alone: the "
@@ -40,11 +41,10 @@ def check_program(offsets: Offsets, position: Array, source: str, written: str =
     wrong = np.flatnonzero((far > SAME_PLACE) | (np.isnan(there[:same]) != np.isnan(offsets.planned[:same])).any(axis=1))
     if len(wrong):
         row = int(wrong[0])
-        size = "" if np.isnan(far[row]) else f" {1e3 * far[row]:.4g} mm"
-        raise _other(offsets, source, f"target {offsets.first + row} is{size or ' not'} where the program has it".replace(
-            " mm where", " mm from where"), row)
+        size = "not" if np.isnan(far[row]) else f"{1e3 * far[row]:.4g} mm from"
+        raise corrected or _other(offsets, source, f"target {offsets.first + row} is {size} where the program has it", row)
     if last != count:
-        raise _other(offsets, source, f"they are for {counted(last, 'target')}, the program has {count}")
+        raise corrected or _other(offsets, source, f"they are for {counted(last, 'target')}, the program has {count}")
     return ()
 
 

@@ -99,6 +99,16 @@ def test_offsets_without_places_are_not_pushed_onto_a_corrected_program(tmp_path
     assert pushed("renamed.mod") == (0, {("CS5024", "warning")})
 
 
+def test_other_offsets_of_the_planned_program_are_not_pushed_onto_a_corrected_one(corrected: Path) -> None:
+    """It does not have these, and is no planned program all the same: its record says what it is."""
+    other = edited(corrected / "offsets.csv", corrected / "other.csv", 0.8)
+    for record, code in ((True, "CS5023"), (False, "CS5022")):
+        if not record:
+            (corrected / "out.mod.json").unlink()
+        run = kit.run("push", corrected / "cell.yaml", other, "--program", corrected / "out.mod", "--json")
+        assert (run.code, [one["code"] for one in run.json["findings"] if one["level"] == "error"]) == (3, [code])
+
+
 def test_offsets_of_a_logged_pass_that_were_changed(corrected: Path) -> None:
     assert kit.codes(again(corrected)) & SAID == set()
     edited(corrected / "offsets.csv", corrected / "offsets.csv", 0.8)
