@@ -378,8 +378,11 @@ def test_a_cut_that_is_stiffer_than_the_arm_is_refused(tmp_path: Path, path: Pat
     assert 0 < gain < 1
     refused = job.correct(*applied, f"{1.1 * CUTTING / gain}")
     assert (refused.code, "CS3200" in kit.codes(refused)) == (3, True)
-    assert "N/mm of the tool across the feed (gain 1.1" in next(
-        f["message"] for f in refused.json["findings"] if f["code"] == "CS3200")
+    said = re.match(r"the cut is stiffer than the arm: (\S+) N/mm of depth against (\S+) N/mm of the tool across the feed "
+                    r"\(gain 1.1, expected under 1\)", next(
+                        f["message"] for f in refused.json["findings"] if f["code"] == "CS3200"))
+    assert said
+    assert [float(one) for one in said.groups()] == pytest.approx([1.1 * CUTTING / gain, CUTTING / gain], rel=5e-3)
     assert job.correct(*applied, f"{0.9 * CUTTING / gain}").code == 0
 
 

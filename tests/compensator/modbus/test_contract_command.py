@@ -151,6 +151,15 @@ def test_what_does_not_fit_into_16_bits_is_refused(tmp_path, listener, mm, exit_
     assert (answered, document["findings"][0]["code"]) == (exit_code, "CS5004" if exit_code == 3 else "CS5012")
 
 
+def test_the_target_whose_component_does_not_fit_is_named(tmp_path):
+    """Not the longest offset, whose components fit."""
+    code, document = call(cell_yaml(tmp_path, 1, "limits: {max_offset_mm: 100}"),
+                          offsets_csv(tmp_path, [[4, 32.7, 32.7, 0], [5, 0, -32.767, 0], [6, 0, 0, 0]]))
+    (found,) = (one for one in document["findings"] if one["level"] == "error")
+    assert (code, found["code"], found["target"], found["line"]) == (3, "CS5004", 5, 3)
+    assert found["message"].startswith("an offset component of 32.7670 mm does not fit")
+
+
 def test_exactly_the_limit_passes(tmp_path):
     device = kit.offset_device()
     with Loopback(device) as server:
