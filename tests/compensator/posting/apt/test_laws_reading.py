@@ -73,6 +73,8 @@ def test_units_come_from_the_file_the_feed_or_are_said_to_be_assumed(read):
 def test_feed_per_turn_takes_the_spindle(read):
     path = read("UNITS/MM\nSPINDL/RPM,6000,CLW\nFEDRAT/0.2,MMPR\nGOTO/1,0,0\nSPINDL/3000,RPM,CLW\nGOTO/2,0,0\n")
     np.testing.assert_allclose(path.feed, [0.02, 0.01], rtol=1e-12)
+    with pytest.raises(ValueError, match="CS2107: the feed is per turn, and no SPINDL says the speed"):
+        read("UNITS/MM\nSPINDL/RPM,6000,CLW\nFEDRAT/0.2,MMPR\nGOTO/1,0,0\nSPINDL/SMM,300\nGOTO/2,0,0\n")
 
 
 @pytest.mark.parametrize(("spindle", "line"), [
