@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from compensator.correction.recorded import check_as_written, said_of_offsets
+from compensator.correction.recorded import check_as_written, said_of_offsets, written_by
 from compensator.modbus.against_deviation import check_deviation
 from compensator.modbus.of_program import check_program
 from compensator.modbus.offset_file import Offsets
@@ -23,5 +23,6 @@ def check_offsets_of(offsets: Offsets, program: Path | None, cell: Cell) -> tupl
     from compensator.posting.read_toolpath import read_toolpath
 
     toolpath = read_toolpath(program, cell).toolpath
-    told = check_program(offsets, toolpath.position, str(program))
+    record, _ = written_by(program) or ("", "")
+    told = check_program(offsets, toolpath.position, str(program), record)
     return (*recorded, *told, *check_deviation(offsets, robot_path(toolpath, cell).base_from_object.rotation))

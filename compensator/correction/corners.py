@@ -131,8 +131,9 @@ def _tightened(predicted: Predicted, tolerance: float) -> tuple[bytes, list[Find
                                      "here"))
     if not possible:
         return text.source.data, findings
-    radius = np.maximum(2 * tolerance / half_sine[possible], SMALLEST)
+    # In whole micrometres, as they are written.
+    radius = 1e-6 * np.floor(1e6 * np.maximum(2 * tolerance / half_sine[possible], SMALLEST) + 1e-6)
     findings.append(path.finding(possible[0], "CS4321", "note", f"{counted(len(possible), 'zone', 'were')} made smaller, to "
                                  f"{1e3 * radius.min():.3f} ... {1e3 * radius.max():.3f} mm, so that they cut at most "
-                                 f"{1e6 * tolerance:g} um off the corner"))
-    return with_radii(text, possible, (np.floor(1e6 * radius) / 1e3).tolist()), findings
+                                 f"{5e5 * np.max(radius * half_sine[possible]):.2g} um off the corner"))
+    return with_radii(text, possible, np.round(1e3 * radius, 3).tolist()), findings

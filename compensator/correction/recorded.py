@@ -63,6 +63,16 @@ def _of_offsets(file: Path) -> dict[str, Any]:
 def check_not_corrected(toolpath: Path, *folders: Path) -> None:
     """Refused (CS4204) where a record in the toolpath's folder names this file, or its content, as an output, or where one in
     `folders` names its content."""
+    found = written_by(toolpath, *folders)
+    if found is not None:
+        record, source = found
+        raise Refused(Finding("CS4204", "error", f"is the output of an earlier correction (record {record}); nothing is "
+                              "corrected twice", file=str(toolpath),
+                              hint=f"correct the CAM system's program {source}; --correct-again if this really is one"))
+
+
+def written_by(toolpath: Path, *folders: Path) -> tuple[str, str] | None:
+    """The record that names a program as what `correct` wrote, and the program that it was made from; None: there is none."""
     digest = sha256(toolpath)
     for path in (record for folder in (toolpath.parent, *folders) for record in sorted(folder.glob("*.json"))):
         names = _recorded(path)
@@ -71,9 +81,8 @@ def check_not_corrected(toolpath: Path, *folders: Path) -> None:
         (source, _), *outputs = names
         beside = path.parent == toolpath.parent
         if any(output_digest == digest or (beside and output == toolpath.name) for output, output_digest in outputs):
-            raise Refused(Finding("CS4204", "error", f"is the output of an earlier correction (record {path.name}); nothing is "
-                                  "corrected twice", file=str(toolpath),
-                                  hint=f"correct the CAM system's program {source}; --correct-again if this really is one"))
+            return path.name, source
+    return None
 
 
 def _content(file: Path) -> dict[str, Any] | None:

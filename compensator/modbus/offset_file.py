@@ -118,7 +118,7 @@ def check_offsets(offsets: Offsets, limit: float) -> None:
         what = (f"{counted(over, 'offset')} over the limit: the largest is {1e3 * offsets.length[row]:.4f} mm at target "
                 f"{offsets.first + row}, the limit {1e3 * limit:g} mm")
     elif np.abs(offsets.micrometres).max() > LARGEST_UM:
-        code = "CS5004"
+        code, row = "CS5004", int(np.argmax(np.abs(offsets.offset).max(axis=1)))
         what = (f"an offset component of {1e3 * np.abs(offsets.offset).max():.4f} mm does not fit into 16 bits of micrometres "
                 f"(+-{1e-3 * LARGEST_UM:g} mm)")
     if code:

@@ -22,7 +22,7 @@ class CamPath:
     rapid (N,): reached in the air. feed (N,) [m/s], NaN where rapid. stop (N,): a stop point, as the bottom of a hole.
     confdata (N, 4) and joints (N, 6) [rad]: None where the file has none. remarks: what stood above a target and is worth
     keeping, one text a line; key N is the end of the file. cutters: that the file states for
-    these moves. spindle_rpm: of the first cut, where the file states one, else 0.
+    these moves. spindle_rpm: at which moves cut, each once in their order, as far as the file says.
     """
 
     source: str
@@ -40,7 +40,7 @@ class CamPath:
     remarks: Mapping[int, tuple[str, ...]]
     findings: tuple[Finding, ...]
     cutters: tuple[StatedCutter, ...] = ()
-    spindle_rpm: float = 0.0
+    spindle_rpm: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))

@@ -144,13 +144,14 @@ def _odd_feeds(cam_path: CamPath, cell: Cell) -> list[Finding]:
 
 
 def _odd_spindle(cam_path: CamPath, cell: Cell) -> list[Finding]:
-    """A speed of the spindle in the file that is not cell.yaml's (CS4325), by which forces and chips are worked out."""
+    """Speeds of the spindle in the file that are not all cell.yaml's (CS4325), by which forces and chips are worked out."""
     stated, there = cell.force_log.form.spindle_rpm, cam_path.spindle_rpm
-    if not stated or not there or abs(there / stated - 1) < SAME_SPEED:
+    if not stated or all(abs(speed / stated - 1) < SAME_SPEED for speed in there):
         return []
-    return [Finding("CS4325", "warning", f"the spindle turns at {there:g} rpm in the file; force_log.spindle_rpm in cell.yaml "
-                    f"is {stated:g}", file=cam_path.source,
-                    hint="mean forces and chips are worked out with cell.yaml's: state the one that runs")]
+    return [Finding("CS4325", "warning", f"the spindle turns at {' and '.join(f'{speed:g}' for speed in there)} rpm in the "
+                    f"file; force_log.spindle_rpm in cell.yaml is {stated:g}", file=cam_path.source,
+                    hint="mean forces and chips are worked out with cell.yaml's: state the one that runs" + (
+                        ", and post what runs at another as a program of its own" if len(there) > 1 else ""))]
 
 
 def _odd_cutters(cam_path: CamPath, cell: Cell) -> list[Finding]:

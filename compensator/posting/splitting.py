@@ -129,7 +129,7 @@ def _odd(kind: str, text: bytes, inside: bool) -> str:
     words = text.lower().split()
     first = words[0].rstrip(b";")
     if kind == "routine":
-        plain = words[0] == b"proc" and text.rstrip().endswith(b"()")
+        plain = b"proc" in words[:1 + (words[0] == b"local")] and b"".join(words).endswith(b"()")
         return "" if plain else "a function, a trap or parameters"
     if kind != "endroutine" and words[0] == b"local":
         return "LOCAL data, which the parts could not see"

@@ -137,6 +137,10 @@ def _record(file: Path, digest: str, robot: str, changed: bool) -> tuple[dict[st
         return None, (Finding("CS6102", "warning", f"has no record of a correction beside it ({file.name}.json)",
                               file=str(file),
                               hint="right for a first pass; a corrected program keeps its record beside it"),)
+    corrected_for = _summary(record)["robot"]
+    if corrected_for != robot:
+        raise Refused(Finding("CS6103", "error", f"was corrected for the robot '{corrected_for}', the cell has '{robot}'",
+                              file=str(file), hint="give the cell.yaml it was corrected with"))
     if not any(output.get("sha256") == digest for output in _outputs(record)):
         difference = Finding("CS6101", "warning" if changed else "error", f"is not what its record {path.name} says: it was "
                              "changed since it was corrected", file=str(file),
@@ -144,10 +148,6 @@ def _record(file: Path, digest: str, robot: str, changed: bool) -> tuple[dict[st
         if not changed:
             raise Refused(difference)
         return record, (difference,)
-    corrected_for = _summary(record)["robot"]
-    if corrected_for != robot:
-        raise Refused(Finding("CS6103", "error", f"was corrected for the robot '{corrected_for}', the cell has '{robot}'",
-                              file=str(file), hint="give the cell.yaml it was corrected with"))
     return record, (*said_of_later(path, file), *said_of_changes(record, path.parent, file))
 
 

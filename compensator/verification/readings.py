@@ -252,7 +252,7 @@ def pair(first: Readings, second: Readings, within: float) -> tuple[Indices, Ind
         few = "no row belongs" if not len(mine) else f"only {len(mine)} of {count} rows belong"
         raise error("CS6023", f"{few} to a row of {first.source}" + (
             "" if first.key == "target" else f" (nearest places, at most {1e3 * within:g} mm apart)"), file=second.source,
-            hint="are both from the same program? --within-mm sets the distance")
+            hint="are both from the same program?" + ("" if first.key == "target" else " --within-mm sets the distance"))
     return mine, other
 
 

@@ -59,6 +59,8 @@ class Journal:
                 entry = json.loads(line)
                 if entry["event"] == "begun":
                     self.outputs |= set(entry["outputs"])
+                    # Its files may be those of this job, done or not, and no more those of the one before.
+                    self.last.get(entry["program"], {}).pop("key", None)
                 else:
                     self.last[entry["program"]] = entry
             except (ValueError, KeyError, TypeError, RecursionError):

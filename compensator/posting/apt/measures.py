@@ -31,7 +31,7 @@ class Measures:
         self.feed: Feed | None = None
         self._feed_assumed = False
         self._turns_per_minute: float | None = None
-        self.cut_at_rpm = 0.0                               # of the first move that cuts, 0: not stated
+        self.cut_at_rpm: dict[float, None] = {}             # at which moves cut, as far as stated, in their order
         self._counterclockwise: Statement | None = None     # the SPINDL in force that says so
         self._cut_so: Statement | None = None               # the first of them under which a move cuts
 
@@ -72,8 +72,9 @@ class Measures:
         elif "CLW" in arguments:
             self._counterclockwise = None
         numeric = [index for index, argument in enumerate(arguments) if argument[:1] in "+-.0123456789" and argument]
-        if numeric and not {"SFM", "SMM"} & set(arguments):
-            self._turns_per_minute = statement.numbers(numeric[0], numeric[0] + 1)[0]
+        if numeric:
+            of_surface = {"SFM", "SMM"} & set(arguments)
+            self._turns_per_minute = None if of_surface else statement.numbers(numeric[0], numeric[0] + 1)[0]
 
     def speed(self, statement: Statement, feed: Feed | None) -> float:
         """A feed as metres a second. Raises CompstiffError (CS2107) at the motion that has none, or one that no robot has."""
@@ -82,7 +83,8 @@ class Measures:
                                  hint="let the CAM system write FEDRAT before the first cut, or RAPID before moves in the air")
         length, per = feed
         self._cut_so = self._cut_so or self._counterclockwise
-        self.cut_at_rpm = self.cut_at_rpm or self._turns_per_minute or 0.0
+        if self._turns_per_minute:
+            self.cut_at_rpm[self._turns_per_minute] = None
         if per == "turn" and self._turns_per_minute is None:
             raise statement.fail("CS2107", "the feed is per turn, and no SPINDL says the speed",
                                  hint="write the feed per minute")

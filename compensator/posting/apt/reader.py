@@ -361,7 +361,7 @@ class _Reader:
         path = self.moves.cam_path(self.file, self.remarks, [
             *self.findings, *self.measures.findings(), *self._upright(), *self._drilled(),
             *self.left_out.findings(self.setup.chosen)])
-        return replace(path, cutters=self.cutters.stated(), spindle_rpm=self.measures.cut_at_rpm)
+        return replace(path, cutters=self.cutters.stated(), spindle_rpm=tuple(self.measures.cut_at_rpm))
 
     def _upright(self) -> list[Finding]:
         if self.axis_stated or self.multax is False:

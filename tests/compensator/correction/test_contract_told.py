@@ -303,3 +303,19 @@ def test_a_budget_is_told_in_the_terminal_and_judged_on_the_page(tmp_path: Path,
     for remedy in told["remedies"]:
         assert (f"  gains {remedy['gain_um']:.1f} um of {two['rms']:.1f} (then {remedy['over']} over): {remedy['do']} "
                 f"[{remedy['effort']}]") in run.out
+
+
+@pytest.mark.parametrize(("largest", "said"), [(1.9, True), (2.1, False)])
+def test_forces_that_hardly_move_the_tool_are_told(tmp_path: Path, largest: float, said: bool) -> None:
+    """By the independent arm's deviation [um], largest at the last of three targets, with the force that is logged there."""
+    path = line(3, 10)
+    way = [kit.deviation(IRB6660, q, TOOL.p, np.r_[60.0, 90, -120, 0, 0, 0], K) for q in path.q]
+    times = largest / (1e6 * np.linalg.norm(way[2]))
+    size = times * np.linalg.norm([60, 90, -120])
+    job = Job(tmp_path, program=path.program(), forces=HEAD + "".join(
+        f"{k},{','.join(f'{share * times * x:.9f}' for x in (60, 90, -120))}\n" for k, share in enumerate((0.3, 0.6, 1))))
+    run = job.predict("--json")
+    assert run.code == 0, run
+    assert [(one["level"], one["file"], one["message"]) for one in of_code(run, "CS4125")] == [
+        ("warning", str(tmp_path / "part.mod"),
+         f"the largest predicted deviation is {largest:.2g} um, with forces of up to {size:.3g} N")] * said

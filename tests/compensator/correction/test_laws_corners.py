@@ -86,10 +86,30 @@ def test_the_corner_at_which_the_cut_ends_keeps_its_zone(tmp_path: Path) -> None
     assert re.findall(r",(\w+(?:\\Z:=[\d.]+)?),tMill", job.out.read_text()) == ["z1", "z1\\Z:=0.014", "z5\\Z:=3", "z1", "z1"]
 
 
-def test_a_zone_of_a_move_that_is_not_touched_is_said(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("tolerance", "written", "left_um"), [(7.0, 0.019, 6.7), (5.0, 0.014, 4.9), (2.0, 0.010, 3.5)])
+def test_the_zones_are_told_as_they_are_written(tmp_path: Path, tolerance: float, written: float, left_um: float) -> None:
+    """At a right angle a zone cuts 0.354 of its radius off; none is smaller than 0.01 mm, and what that leaves is told."""
+    job = Job(tmp_path, program=Path3(SQUARE).program(), forces=FORCES)
+    done = job.correct("--json", "--tighten-zones", "--tolerance", f"{tolerance}", "--keep-targets")
+    assert done.code == 0, done
+    assert set(re.findall(r"Z:=([\d.]+)", job.out.read_text())) == {f"{written:.3f}".rstrip("0")}
+    said = {one["code"]: one["message"] for one in done.json["findings"]}
+    assert said["CS4321"] == (f"3 zones were made smaller, to {written:.3f} ... {written:.3f} mm, so that they cut at most "
+                              f"{left_um:g} um off the corner")
+    assert ("CS4320" in said) == (left_um > tolerance)
+
+
+@pytest.mark.parametrize("change", [("v50", "v50\\T:=2"), ("MoveL ", "MoveLDO ")])
+def test_a_zone_of_a_move_that_is_not_touched_is_said(tmp_path: Path, change: tuple[str, str]) -> None:
+    """The move whose zone stays is named, with what it goes on to cut off: 0.354 of 1 mm at most."""
     path = Path3(SQUARE)
     moves = [kit.move(text) for text in path.text]
-    moves[1] = moves[1].replace("v50", "v50\\T:=2")
-    result = Job(tmp_path, program=kit.module(moves), forces=FORCES).correct("--json", "--tighten-zones")
+    moves[2] = moves[2].replace(*change)
+    if change[1] == "MoveLDO ":
+        moves[2] = moves[2].replace(";", ", doCut, 1;")
+    result = Job(tmp_path, program=kit.module(moves), forces=FORCES).correct("--json", "--tighten-zones", "--keep-targets")
     assert result.code == 0
-    assert {"CS4320", "CS4321", "CS4322"} <= kit.codes(result)
+    said = {one["code"]: one for one in result.json["findings"]}
+    assert (said["CS4322"]["message"], said["CS4322"]["target"]) == ("1 zone that cuts corners cannot be made smaller here", 2)
+    assert said["CS4321"]["message"].startswith("2 zones were made smaller")
+    assert (said["CS4320"]["target"], "at 1 target in the cut" in said["CS4320"]["message"]) == (2, True)

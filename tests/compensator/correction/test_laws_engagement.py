@@ -107,7 +107,13 @@ def test_with_the_cutting_stiffness_one_correction_lands(tmp_path: Path, path: P
     _, as_logged = milled(path, commanded(job))
     result = job.correct("--force", "--json", "--cutting-stiffness", f"{CUTTING}")
     assert result.code == 0
-    assert "CS4120" in kit.codes(result)
+    # On the plan the cut is the nominal one.
+    grows = 100 * (np.linalg.norm(nominal(), axis=1) / np.linalg.norm(force, axis=1) - 1)
+    (said,) = [one["message"] for one in result.json["findings"] if one["code"] == "CS4120"]
+    told = re.match(r"force follows the cut: with a cutting stiffness of 400 N/mm the corrected pass meets forces that are "
+                    r"(\S+) % \(median\), (\S+) % at most, off the logged$", said)
+    assert told, said
+    np.testing.assert_allclose([float(one) for one in told.groups()], [np.median(grows), grows.max()], atol=0.3)
     assert result.json["result"]["left_at_10_n_per_mm_um"] is None
     _, coupled = milled(path, commanded(job))
     assert largest(as_logged) > 0.05 * largest(before), "the case is one in which the force matters"
@@ -375,9 +381,45 @@ def test_a_cut_that_is_stiffer_than_the_arm_is_refused(tmp_path: Path, path: Pat
     assert 0 < gain < 1
     refused = job.correct(*applied, f"{1.1 * CUTTING / gain}")
     assert (refused.code, "CS3200" in kit.codes(refused)) == (3, True)
-    assert "N/mm of the tool across the feed (gain 1.1" in next(
-        f["message"] for f in refused.json["findings"] if f["code"] == "CS3200")
+    said = re.match(r"the cut is stiffer than the arm: (\S+) N/mm of depth against (\S+) N/mm of the tool across the feed "
+                    r"\(gain 1.1, expected under 1\)", next(
+                        f["message"] for f in refused.json["findings"] if f["code"] == "CS3200"))
+    assert said
+    assert [float(one) for one in said.groups()] == pytest.approx([1.1 * CUTTING / gain, CUTTING / gain], rel=5e-3)
     assert job.correct(*applied, f"{0.9 * CUTTING / gain}").code == 0
+
+
+@pytest.mark.parametrize("wanted", [-0.93, -0.97])
+def test_a_step_beyond_what_the_logged_force_tells_is_said(
+    tmp_path: Path, path: Path3, uncorrected: Passes, wanted: float
+) -> None:
+    """At one target the tool of the log stood aside so far that the force falls there by this share of itself, by the
+    independent arm: no more than 95 % are taken."""
+    force, _ = uncorrected
+    job = Job(tmp_path, program=path.program(), forces=text(force))
+    assert job.correct("--offsets", tmp_path / "applied.csv", "--keep-targets").code == 0
+    points = np.array([(kit.work_object() @ frame).p for frame in path.frames])
+    feed = (points[31] - points[29]) / np.linalg.norm(points[31] - points[29])
+    across = force[30] - (force[30] @ feed) * feed
+    n, size = across / np.linalg.norm(across), np.linalg.norm(across)
+    yields = kit.deviation(IRB6660, path.q[30], TOOL.p, np.r_[force[30], 0, 0, 0], K) @ n
+    aside = kit.work_object().r.inv().apply((1e-3 * wanted * size / CUTTING - yields) * n)
+    header, *rows = (tmp_path / "applied.csv").read_text().splitlines()
+    names = header.split(",")
+    for row, line_ in enumerate(rows):
+        cells = dict(zip(names, line_.split(","), strict=True))
+        cells |= {f"o{axis}_mm": f"{1e3 * aside[k] if row == 30 else 0.0:.6f}" for k, axis in enumerate("xyz")}
+        rows[row] = ",".join(cells.values())
+    (tmp_path / "by-hand.csv").write_text("\n".join([header, *rows]) + "\n")
+    run = job.correct("--force", "--json", "--logged-with", tmp_path / "by-hand.csv", "--cutting-stiffness", f"{CUTTING}")
+    assert run.code == 0, run
+    said = [one for one in run.json["findings"] if one["code"] == "CS4120"]
+    assert [(one["target"], one["message"]) for one in said if one["target"] is not None] == [
+        (30, "at 1 target next to no force was logged for the step that the corrected tool makes across: the force is taken to "
+         "change by 95 % there, no more")] * (wanted < -0.95)
+    most = re.search(r"(\S+) % at most", said[-1]["message"])
+    assert most
+    assert float(most[1]) == pytest.approx(max(100 * wanted, -95.0) * -1, abs=0.5)
 
 
 def test_the_gain_is_the_arms_own(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:

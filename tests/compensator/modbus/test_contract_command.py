@@ -115,6 +115,33 @@ def test_bad_offsets_are_refused_before_a_connection_is_opened(tmp_path, listene
         listener.accept()
 
 
+@pytest.mark.parametrize(("rows", "words"), [
+    ([[5, 2.001, 0, 0], [6, 1.5, 1.5, 0], [7, 1.9, 0, 0]],
+     "2 offsets over the limit: the largest is 2.1213 mm at target 6, the limit 2 mm"),
+    ([[0, 0, 0, -2.0004]], "1 offset over the limit: the largest is 2.0004 mm at target 0, the limit 2 mm")])
+def test_offsets_over_the_limit_are_counted_and_the_largest_is_named(tmp_path, rows, words):
+    code, document = call(cell_yaml(tmp_path, 1), offsets_csv(tmp_path, rows))
+    (found,) = (one for one in document["findings"] if one["level"] == "error")
+    assert (code, found["code"], found["message"]) == (3, "CS5003", words)
+    assert found["target"] == int(words.split(" at target ")[1].split(",")[0])
+    assert found["line"] == 2 + [row[0] for row in rows].index(found["target"])
+
+
+@pytest.mark.parametrize(("targets", "line", "words"), [
+    ((0, 1, 3), 4, "found 3 where 2 should follow"), ((4, 5, 5), 4, "found 5 where 6 should follow"),
+    ((4, 3), 3, "found 3 where 5 should follow"), ((-1, 0), 2, "found -1, expected a whole number from 0"),
+    ((0.5, 1.5), 2, "found 0.5, expected a whole number from 0"), ((4, 5, 6), None, ""), ((0,), None, "")])
+def test_targets_are_counted_up_without_gaps(tmp_path, targets, line, words):
+    file = offsets_csv(tmp_path, [[target, 0, 0, 0.1] for target in targets])
+    if not words:
+        assert compstiff_api.read_offsets(file, reach_mm=10.0).first == targets[0]
+        return
+    with pytest.raises(compstiff_api.CompstiffError) as stopped:
+        compstiff_api.read_offsets(file, reach_mm=10.0)
+    (found,) = stopped.value.findings
+    assert (found.code, found.line, found.message) == ("CS5001", line, f"column 'target': {words}")
+
+
 @pytest.mark.parametrize(("mm", "exit_code"), [(32.766, 4), (-32.766, 4), (32.767, 3), (-32.767, 3), (-32.768, 3), (40, 3)])
 def test_what_does_not_fit_into_16_bits_is_refused(tmp_path, listener, mm, exit_code):
     """32.766 mm is the last that fits: it goes on to a cell that does not answer."""
@@ -122,6 +149,15 @@ def test_what_does_not_fit_into_16_bits_is_refused(tmp_path, listener, mm, exit_
     file = offsets_csv(tmp_path, [[0, 0, mm, 0]])
     answered, document = call(described, file, "--apply", "--timeout", "0.05", "--retries", "0")
     assert (answered, document["findings"][0]["code"]) == (exit_code, "CS5004" if exit_code == 3 else "CS5012")
+
+
+def test_the_target_whose_component_does_not_fit_is_named(tmp_path):
+    """Not the longest offset, whose components fit."""
+    code, document = call(cell_yaml(tmp_path, 1, "limits: {max_offset_mm: 100}"),
+                          offsets_csv(tmp_path, [[4, 32.7, 32.7, 0], [5, 0, -32.767, 0], [6, 0, 0, 0]]))
+    (found,) = (one for one in document["findings"] if one["level"] == "error")
+    assert (code, found["code"], found["target"], found["line"]) == (3, "CS5004", 5, 3)
+    assert found["message"].startswith("an offset component of 32.7670 mm does not fit")
 
 
 def test_exactly_the_limit_passes(tmp_path):

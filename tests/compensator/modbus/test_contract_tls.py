@@ -64,7 +64,16 @@ def test_a_client_refuses_a_cell_it_cannot_trust(certificates):
 
 def test_files_that_are_no_certificates(tmp_path, certificates):
     good = certificates["client"]
-    for wrong in (TlsFiles(good.key, good.certificate, good.key),
-                  TlsFiles(good.ca, good.certificate, certificates["stranger"].key)):
-        with pytest.raises(CompstiffError, match="CS5105"):
-            wrong.context("client")
+    stranger = certificates["stranger"].key
+    for wrong, file, words in (
+        (TlsFiles(good.key, good.certificate, good.key), good.key, "is not a certificate authority in PEM"),
+        (TlsFiles(good.ca, good.key, good.key), good.key, f"is not a certificate in PEM that belongs to {good.key}"),
+        (TlsFiles(good.ca, good.certificate, stranger), good.certificate,
+         f"is not a certificate in PEM that belongs to {stranger}"),
+    ):
+        for side in ("client", "server"):
+            with pytest.raises(CompstiffError) as stopped:
+                wrong.context(side)
+            (found,) = stopped.value.findings
+            assert (found.code, found.file, found.message.partition(": ")[0]) == ("CS5105", str(file), words)
+    assert good.context("server").verify_mode == ssl.CERT_REQUIRED

@@ -249,6 +249,82 @@ def test_a_table_without_feeds_says_what_is_assumed(tmp_path, cell):
     assert "12.5 mm/s" in next(finding.message for finding in read.findings if finding.code == "CS2150")
 
 
+@pytest.mark.parametrize(("cell_of", "rapid", "words"), [
+    ("0", 0, "found 0, expected a feed above zero"), ("-3", 0, "found -3, expected a feed above zero"),
+    ("", 0, "found an empty cell, expected a feed above zero"), ("", 1, ""), ("0", 1, ""), ("0.6", 0, "")])
+def test_a_row_that_cuts_has_a_feed_above_zero(tmp_path, cell, cell_of, rapid, words):
+    """At the eighth row, in line 9; a move in the air needs none."""
+    path = table(tmp_path, cell, feed_mm_s=np.full(20, 5.0), rapid=np.zeros(20))
+    lines = path.read_text().splitlines()
+    lines[8] = ",".join([*lines[8].split(",")[:-2], cell_of, str(rapid)])
+    path.write_text("\n".join(lines))
+    if not words:
+        read = read_cam_path(path, DEFAULTS.posting)
+        np.testing.assert_allclose(1e3 * read.feed, [5.0] * 7 + [np.nan if rapid else 0.6] + [5.0] * 12)
+        assert "CS2150" not in [one.code for one in read.findings]
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read_cam_path(path, DEFAULTS.posting)
+    (found,) = stopped.value.findings
+    assert (found.code, found.line, found.message) == ("CS2150", 9, f"column 'feed_mm_s': {words}")
+
+
+@pytest.mark.parametrize(("feeds", "cutter", "words"), [
+    ((0.51, 20), "", ""), ((0.49, 20), "", "cutting feeds from 0.49 to 20 mm/s: robots mill at 0.5 to 500"),
+    ((20, 499), "", ""), ((20, 501), "", "cutting feeds from 20 to 501 mm/s: robots mill at 0.5 to 500"),
+    # Of 16 mm at 6000 rpm a quarter of the diameter a turn is 400 mm/s, and a five-hundredth 3.2; the median counts.
+    ((396, 20), "16", ""), ((404, 20), "16", "at 404 mm/s and 6000 rpm the feed is 4 mm a turn, of a cutter of 16 mm"),
+    ((3.3, 20), "16", ""), ((3.1, 20), "16", "at 3.1 mm/s and 6000 rpm the feed is 0.031 mm a turn, of a cutter of 16 mm")])
+def test_feeds_that_no_robot_mills_at_or_no_cutter_are_told(tmp_path, feeds, cutter, words):
+    """Most of the cuts have the first one."""
+    stated = f"force_log: {{spindle_rpm: 6000}}\ncutting: {{material: steel, tool_diameter_mm: {cutter}}}\n" if cutter else ""
+    cell = read_cell(write_cell(tmp_path, CELL + stated))
+    feed = np.full(20, float(feeds[0]))
+    feed[12:18] = feeds[1]
+    feed[[0, 19]] = 5000.0
+    rapid = np.isin(np.arange(20), (0, 19)).astype(int)
+    path = table(tmp_path, cell, feed_mm_s=feed, rapid=rapid)
+    found = [one for one in planned(path, cell).toolpath.findings if one.code == "CS4307"]
+    assert [(one.level, one.file, one.message) for one in found] == [("warning", str(path), words)] * bool(words)
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    ({}, "zone 0.3 mm with stop points at both ends only, 200 mm/s in the air"),
+    ({"zone_mm": 1.5, "rapid_mm_s": 80.0}, "zone 1.5 mm with stop points at both ends only, 80 mm/s in the air")])
+def test_what_is_assumed_is_what_is_written(tmp_path, cell, options, words):
+    (tmp_path / "shell.apt").write_text(APT)
+    written = planned(tmp_path / "shell.apt", cell, Settings.of(**options))
+    (found,) = (one for one in written.toolpath.findings if one.code == "CS4300")
+    assert found.message == f"assumed: coordinates in the work object of cell.yaml, its tool, {words}"
+    zone, speed = float(words.split()[1]), float(words.split(", ")[-1].split()[0])
+    np.testing.assert_allclose(written.toolpath.zone[1:-1], 1e-3 * zone)
+    assert written.toolpath.feed[0] == pytest.approx(1e-3 * speed)
+
+
+def test_the_turn_that_was_chosen_is_kept_by_the_option_that_is_told(tmp_path):
+    """A table states it; nothing is said of it there."""
+    cell_file = write_cell(tmp_path, CELL)
+    (tmp_path / "shell.apt").write_text(APT)
+
+    def said(*options):
+        run = compstiff("post", cell_file, tmp_path / "shell.apt", "-o", tmp_path / "shell.mod", "--json", "--force", *options)
+        assert run.returncode == 0, run.stderr
+        return next(one for one in json.loads(run.stdout)["findings"] if one["code"] == "CS4302")
+
+    found = said()
+    chosen = read_rapid((tmp_path / "shell.mod").read_bytes()).toolpath
+    assert found["message"].endswith(" of the work object, which leaves most room")
+    option, value, *rest = found["hint"].split()
+    assert (option, rest) == ("--tool-x", ["keeps", "it", "so", "when", "the", "path", "changes"])
+    kept = said(option, value)
+    assert (kept["message"], kept["hint"]) == (found["message"].removesuffix(", which leaves most room"), "")
+    again = read_rapid((tmp_path / "shell.mod").read_bytes()).toolpath
+    np.testing.assert_allclose(again.quaternion, chosen.quaternion, atol=2e-6)
+    np.testing.assert_array_equal(again.confdata, chosen.confdata)
+    cell = read_cell(cell_file)
+    assert "CS4302" not in [one.code for one in planned(table(tmp_path, cell), cell).toolpath.findings]
+
+
 def test_joint_angles_of_a_table_give_the_configuration(tmp_path, cell):
     theta = reference(cell)
     free = robot_path(planned(table(tmp_path, cell), cell).toolpath, cell)
@@ -312,9 +388,9 @@ def test_wrong_cells_of_a_table(tmp_path, cell, column, value, code, where):
     assert (found.line, found.column) == (6, lines[0].split(",").index(column) + 1)
 
 
-@pytest.mark.parametrize(("off", "said"), [(0.9e-5, False), (1.2e-5, True), (0.9e-3, True)])
+@pytest.mark.parametrize(("off", "said"), [(0.9e-5, False), (1.2e-5, True), (0.9e-3, True), (1.1e-3, False)])
 def test_quaternions_a_little_off_the_unit_are_normalised_and_told(tmp_path, cell, off, said):
-    """With the row that is farthest off, and how many are."""
+    """With the row that is farthest off, and how many are; more than a thousandth off it is refused."""
     path = table(tmp_path, cell)
     header, *rows = path.read_text().splitlines()
     first = header.split(",").index("q1")
@@ -324,6 +400,13 @@ def test_quaternions_a_little_off_the_unit_are_normalised_and_told(tmp_path, cel
         rows[row] = ",".join(cells)
     plain = read_cam_path(path, DEFAULTS.posting)
     path.write_text("\n".join([header, *rows]))
+    if off > 1e-3:
+        with pytest.raises(CompstiffError) as stopped:
+            read_cam_path(path, DEFAULTS.posting)
+        (found,) = stopped.value.findings
+        assert (found.code, found.line, found.column) == ("CS2151", 9, first + 1)
+        assert found.message == f"column 'q1': the quaternion has length {1 - off:.4f}, expected 1 within 0.001"
+        return
     read = read_cam_path(path, DEFAULTS.posting)
     np.testing.assert_allclose(np.linalg.norm(read.quaternion, axis=1), 1, atol=1e-12)
     np.testing.assert_allclose(read.quaternion, plain.quaternion, atol=1e-9)

@@ -70,6 +70,8 @@ def test_the_parts_hold_every_byte_and_break_in_the_air_only(kinds, most, eol, l
     split = split_program(content, np.array(air), most, OUT, load=load)
     if count <= most:
         assert (split.main, split.parts) == (content, {})
+        assert [(one.code, one.level) for one in split.findings] == [("CS4312", "note")]
+        assert f"its {count} target{'s' * (count != 1)} fit into one part of {most}" in split.findings[0].message
         return
     # The first move begins the first part and the last one ends the last; nothing of the text is lost or doubled.
     joined = b"".join(inside(part) for part in split.parts.values())
@@ -84,7 +86,10 @@ def test_the_parts_hold_every_byte_and_break_in_the_air_only(kinds, most, eol, l
     for size, bound in zip(split.sizes, bounds, strict=True):
         # A part that is too long has no place in the air where it could have ended before.
         assert size <= most or not any(air[bound - size:bound - 1])
-    assert ("CS4311" in [finding.code for finding in split.findings]) == (max(split.sizes) > most)
+    longest = max(split.sizes)
+    assert [(one.code, one.target, one.message.partition(";")[0]) for one in split.findings] == [
+        ("CS4311", sum(split.sizes[:split.sizes.index(longest)]),
+         f"a cut is longer than a part shall be: {longest} targets in one part, {most} asked for")] * (longest > most)
     assert split.main.count(b"Load \\Dynamic") == load * len(split.parts)
     whole = read_rapid(content).toolpath
     parts = [read_rapid(part).toolpath for part in split.parts.values()]
@@ -111,11 +116,20 @@ def test_what_the_main_module_says():
     ("", "  LOCAL CONST num n:=1;\n", "LOCAL data"),
     ("", "  PROC other()\n  ENDPROC\n", "second module or routine"),
     ("", "  CONST num OUT_002_moves:=1;\n", "has the name out_002_moves"),
+    ("", "PROC main(num n)", "a function, a trap or parameters"), ("", "TRAP main", "a function, a trap or parameters"),
+    ("", "LOCAL FUNC num main()", "a function, a trap or parameters"),
+    ("", "LOCAL PROC main()", ""), ("", "PROC main( )", ""),
 ])
 def test_only_one_plain_procedure_is_split(before, declarations, says):
     body, air = moves(list("acaca"))
+    text = module(body, before, "" if "main" in declarations else declarations)
+    if "main" in declarations:
+        text = text.replace("PROC main()", declarations)
+    if not says:
+        assert split_program(text.encode(), np.array(air), 2, OUT).sizes == (1, 2, 2)
+        return
     with pytest.raises(CompstiffError, match=says) as refused:
-        split_program(module(body, before, declarations).encode(), np.array(air), 2, OUT)
+        split_program(text.encode(), np.array(air), 2, OUT)
     found = refused.value.findings[0]
     assert found.code == "CS4310"
     assert found.hint

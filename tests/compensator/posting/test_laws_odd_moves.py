@@ -194,9 +194,11 @@ def test_a_slow_rapid_is_said_where_there_is_one_beside_cuts_alone() -> None:
 
 
 @pytest.mark.parametrize(("text", "rpm"), [
-    ("SPINDL/9000,RPM,CLW\nGOTO/0,0,0", 9000.0), ("GOTO/0,0,0", 0.0), ("SPINDL/120,SFM,CLW\nGOTO/0,0,0", 0.0),
-    ("SPINDL/RPM,7000\nRAPID\nGOTO/0,0,9\nSPINDL/8000\nGOTO/0,0,0\nSPINDL/100\nGOTO/1,0,0", 8000.0)])
-def test_the_speed_of_the_first_cut_is_read(tmp_path, text: str, rpm: float) -> None:
+    ("SPINDL/9000,RPM,CLW\nGOTO/0,0,0", (9000,)), ("GOTO/0,0,0", ()), ("SPINDL/120,SFM,CLW\nGOTO/0,0,0", ()),
+    ("SPINDL/9000\nGOTO/0,0,0\nSPINDL/SMM,120\nGOTO/1,0,0\nSPINDL/CLW\nGOTO/2,0,0", (9000,)),
+    ("SPINDL/RPM,7000\nRAPID\nGOTO/0,0,9\nSPINDL/8000\nGOTO/0,0,0\nSPINDL/100\nGOTO/1,0,0\nSPINDL/8000\nGOTO/2,0,0",
+     (8000, 100))])
+def test_the_speeds_of_the_cuts_are_read(tmp_path, text: str, rpm: tuple[float, ...]) -> None:
     (tmp_path / "part.apt").write_text(f"UNITS/MM\nFEDRAT/600,MMPM\n{text}\n")
     assert read_apt(tmp_path / "part.apt").spindle_rpm == rpm
 
@@ -205,11 +207,22 @@ def test_another_spindle_speed_than_the_cells_is_said(tmp_path) -> None:
     cell = read_cell(write_cell(tmp_path, CELL + "force_log: {spindle_rpm: 9000}\n"))
     there = with_air(rows(np.random.default_rng(8)))
     told = {rpm: [(one.code, one.message) for one in _odd_spindle(replace(there, spindle_rpm=rpm), cell)]
-            for rpm in (0.0, 8110.0, 9000.0, 9890.0, 8090.0, 9910.0, 24000.0)}
-    assert told == {rpm: [] if 8100 < rpm < 9900 or not rpm else [(
-        "CS4325", f"the spindle turns at {rpm:g} rpm in the file; force_log.spindle_rpm in cell.yaml is 9000")] for rpm in told}
+            for rpm in ((), (8110.0,), (9000.0,), (9890.0, 8110.0), (8090.0,), (9910.0,), (9000.0, 9910.0), (24000.0,))}
+    assert told == {rpm: [] if all(8100 < one < 9900 for one in rpm) else [(
+        "CS4325", f"the spindle turns at {' and '.join(f'{one:g}' for one in rpm)} rpm in the file; force_log.spindle_rpm in "
+        "cell.yaml is 9000")] for rpm in told}
     unstated = read_cell(write_cell(tmp_path))
-    assert _odd_spindle(replace(there, spindle_rpm=24000.0), unstated) == []
+    assert _odd_spindle(replace(there, spindle_rpm=(24000.0,)), unstated) == []
+
+
+@pytest.mark.parametrize(("second", "said"), [("SPINDL/4000,RPM,CLW\n", True), ("SPINDL/9400,RPM,CLW\n", False)])
+def test_a_later_operation_at_another_speed_is_said(tmp_path, second: str, said: bool) -> None:
+    (tmp_path / "part.apt").write_text("UNITS/MM\nFEDRAT/1200,MMPM\nSPINDL/9000,RPM,CLW\nGOTO/0,0,0\nGOTO/20,0,0\n"
+                                       f"{second}GOTO/20,20,0\nGOTO/0,20,0\n")
+    cell = read_cell(write_cell(tmp_path, CELL + "force_log: {spindle_rpm: 9000}\n"))
+    found = _odd_spindle(read_apt(tmp_path / "part.apt"), cell)
+    assert [(one.code, one.message.partition(";")[0]) for one in found] == [
+        ("CS4325", "the spindle turns at 9000 and 4000 rpm in the file")] * said
 
 
 def straight(count: int, spacing: float = 4.0) -> np.ndarray:

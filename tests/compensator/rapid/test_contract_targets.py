@@ -39,6 +39,9 @@ def test_a_local_target_is_invisible_in_another_module():
     assert np.isnan(toolpath.position[1]).all()
     assert "not declared in this file" in toolpath.block[1]
     assert [finding.code for finding in toolpath.findings] == ["CS2011", "CS2051"]
+    said, text = toolpath.findings[1], two_modules(f"LOCAL CONST robtarget p:={target(1)};", "").splitlines()
+    assert (said.level, said.message.partition(":")[0]) == ("warning", "the file holds 2 modules")
+    assert [k + 1 for k, row in enumerate(text) if row.startswith("MODULE")][1] == said.line
 
 
 def test_a_global_target_is_visible_in_another_module_unless_hidden():

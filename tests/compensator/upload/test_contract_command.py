@@ -388,7 +388,12 @@ def test_the_record_is_held_against_the_module(controller, cell, tmp_path):
     taken = kit.call(cell, file, "--apply", "--changed")
     assert (taken.code, taken.codes) == (0, ["CS6101"])
     other = kit.write_module(tmp_path, "b.mod", robot="irb140")
-    assert kit.call(cell, other, "--apply").codes == ["CS6103"]
+    for changed in (b"", b"! by hand\n"):       # on purpose or not, it is of another robot
+        other.write_bytes(other.read_bytes() + changed)
+        before = dict(controller.files)
+        refused = kit.call(cell, other, "--apply", "--changed")
+        assert (refused.code, refused.codes, controller.files) == (3, ["CS6103"], before)
+    assert "was corrected for the robot 'irb140', the cell has '" in refused.message
     plain = kit.write_module(tmp_path, "c.mod", record=False)
     assert (kit.call(cell, plain, "--apply").code, kit.call(cell, plain).codes) == (0, ["CS6102"])
 

@@ -241,6 +241,55 @@ def test_figures_by_hand(tmp_path: Path) -> None:
     assert read_readings(before, cell).place[:, 0].tolist() == [1, 2, 3, 9]
 
 
+@pytest.mark.parametrize("columns", ["target", "x_mm,y_mm,z_mm"])
+@pytest.mark.parametrize(("shared", "words"), [(3, ""), (2, "only 2 of 30 rows belong"), (0, "no row belongs")])
+def test_a_tenth_of_the_places_belongs_together(tmp_path: Path, columns: str, shared: int, words: str) -> None:
+    """Of the smaller pass; how many have no counterpart is told of each. Targets have no distance to set."""
+    cell, rng = read_cell(write_cell(tmp_path)), np.random.default_rng(23)
+
+    def file(name: str, target: np.ndarray) -> Path:
+        where = target[:, None] if columns == "target" else np.column_stack([5.0 * target, 0 * target, 0 * target])
+        off = rng.normal(0, 40, (len(target), 3))
+        return csv(tmp_path, name, f"{columns},dx_um,dy_um,dz_um", np.column_stack([where, off]))
+
+    before, after = file("before.csv", np.arange(40)), file("after.csv", np.arange(30) + 40 - shared)
+    if not words:
+        told = [one for one in verify_files(cell, before, after).findings if one.code == "CS6022"]
+        assert [(one.level, one.file, one.message.partition(" without")[0]) for one in told] == [
+            ("warning", str(before), "37 readings of 40"), ("warning", str(after), "27 readings of 30")]
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        verify_files(cell, before, after)
+    (found,) = stopped.value.findings
+    assert (found.code, found.file, found.message.startswith(words)) == ("CS6023", str(after), True)
+    assert ("within-mm" in found.hint, "at most 1 mm apart" in found.message) == (columns != "target", columns != "target")
+
+
+@pytest.mark.parametrize("columns", ["target", "x_mm,y_mm,z_mm"])
+def test_readings_without_a_predicted_target_are_left_out_of_the_scale_and_counted(tmp_path: Path, columns: str) -> None:
+    """Three are aside by 1.05 mm, or have other numbers; what is told of the distance helps."""
+    cell, rng = read_cell(write_cell(tmp_path)), np.random.default_rng(24)
+    target = np.arange(60)
+    of_program = rng.normal(0, 80, (60, 3))
+    told = csv(tmp_path, "told.csv", "target,x_mm,y_mm,z_mm,dx_um,dy_um,dz_um",
+               np.column_stack([target, 5.0 * target, 0 * target, 0 * target, of_program]))
+    aside = np.isin(target, (7, 8, 30))
+    where = (target + 1000 * aside)[:, None] if columns == "target" else np.column_stack(
+        [5.0 * target, 1.05 * aside, 0 * target])
+    read = csv(tmp_path, "read.csv", f"{columns},dx_um,dy_um,dz_um", np.column_stack([where, of_program]))
+    result = verify_files(cell, read, read, told)
+    (found,) = (one for one in result.findings if one.code == "CS6022")
+    assert (found.level, found.file) == ("warning", str(read))
+    assert found.message == f"3 readings of 60 without a target in {told}; left out of the scale"
+    assert found.hint == ("" if columns == "target" else "the nearest may be 1 mm away: --within-mm sets it")
+    assert result.scale is not None
+    assert result.scale.points == 57
+    if columns != "target":
+        wider = verify_files(cell, read, read, told, within=1.1e-3)
+        assert wider.scale is not None
+        assert ("CS6022" in {one.code for one in wider.findings}, wider.scale.points) == (False, 60)
+
+
 def test_pairs_are_each_others_nearest_within_the_distance() -> None:
     first = np.array([[0.0], [1.0], [2.0], [10.0]])
     second = np.array([[0.1], [0.2], [2.4], [50.0]])
@@ -426,6 +475,24 @@ def test_a_scale_of_too_few_places_is_told(passes: dict[str, Path], tmp_path: Pa
     told_of = [one for one in json.loads(result.stdout)["findings"] if one["code"] == "CS6024" and "scale" in one["message"]]
     assert [(one["level"], one["file"], f"{count} places" in one["message"], said in one["message"]) for one in told_of] == (
         [("warning", str(read), True, True)] if said else [])
+
+
+@pytest.mark.parametrize(("count", "phi", "words"), [
+    (7, 0.0, "7 places too few for an interval"), (8, 0.0, ""), (40, 0.95, "places with deviations that are alike over"),
+    (1200, 0.5, "")])
+def test_a_comparison_of_too_few_places_is_told(tmp_path: Path, count: int, phi: float, words: str) -> None:
+    """Of independent ones under eight; of 40 that are alike over a dozen the interval is what it is, and said to be narrow."""
+    rng, cell, target = np.random.default_rng(6024), read_cell(write_cell(tmp_path)), np.arange(count)
+    before, after = (csv(tmp_path, name, "target,dx_um,dy_um,dz_um", np.column_stack([
+        target, remembering(rng, count, phi, size)])) for name, size in (("before.csv", 60.0), ("after.csv", 9.0)))
+    found = verify_files(cell, before, after)
+    told = [one for one in found.findings if one.code == "CS6024"]
+    assert [(one.level, one.file, words in one.message) for one in told] == [("warning", str(after), True)] * bool(words)
+    assert (found.comparison.interval is None) == (count < 8)
+    if count == 40:
+        places = re.search(r"alike over ([\d.]+) of them: the interval is rather too narrow", told[0].message)
+        assert places
+        assert 1.2 < float(places[1]) < 40
 
 
 @pytest.mark.parametrize(("name", "options"), [("places", ("--frame", "workobject")), ("normal", ())])
@@ -622,7 +689,7 @@ def test_other_axes_are_told_from_twelve_places_on_with_what_they_would_leave(
                      f"{left[1]:.1f} um in place of {left[0]:.1f}"] * said
 
 
-@pytest.mark.parametrize(("factor", "said"), [(1.08, False), (1.25, True)])
+@pytest.mark.parametrize(("factor", "said"), [(1.08, False), (1.11, True), (1.25, True)])
 def test_axes_that_differ_by_a_few_per_cent_need_no_word(
     passes: dict[str, Path], tmp_path: Path, factor: float, said: bool
 ) -> None:
@@ -634,7 +701,17 @@ def test_axes_that_differ_by_a_few_per_cent_need_no_word(
     document = json.loads(result.stdout)
     axes = [document["result"]["predicted"]["axes"][axis]["interval"] for axis in "xy"]
     assert axes[0][0] > axes[1][1], "the intervals are apart"
-    assert ("CS6030" in {finding["code"] for finding in document["findings"]}) == said
+    told_of = [one["message"] for one in document["findings"] if one["code"] == "CS6030"]
+    assert bool(told_of) == said
+    if said:        # by the squares that the best multiple of all, and of each axis, leaves
+        p = np.loadtxt(passes["predicted"], delimiter=",", skiprows=1)[:, 4:]
+        one = np.sum(p * rows[:, 1:]) / np.sum(p**2)
+        each = np.sum(p * rows[:, 1:], axis=0) / np.sum(p**2, axis=0)
+        more = np.sqrt(np.mean(np.sum((rows[:, 1:] - one * p) ** 2 - (rows[:, 1:] - each * p) ** 2, axis=1)))
+        assert len(told_of) == 2, "x and y, x and z"
+        assert all(f"one scale leaves {more:.1f} um RMS" in message for message in told_of)
+        assert told_of[0].startswith(f"along x the measured deviation is {each[0]:.3f} times")
+        assert f"along y {each[1]:.3f} times" in told_of[0]
 
 
 def test_exit_codes_of_the_answer(passes: dict[str, Path], tmp_path: Path) -> None:

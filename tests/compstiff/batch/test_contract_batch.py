@@ -36,7 +36,10 @@ def test_each_program_comes_out_as_if_alone(place: Shop) -> None:
     assert [Path(line["program"]).name for line in lines] == ["a.mod", "b.mod", "c.mod"]
     assert [line["status"] for line in lines] == ["ok", "ok", "left"]
     assert lines[2]["output"] is None
-    assert lines[2]["findings"][0]["code"] == "CS6000"
+    left = lines[2]["findings"][0]
+    assert (left["code"], left["message"]) == (
+        "CS6000", f"has no force log c.forces.csv (or .parquet) in {place.source}; it is left alone")
+    assert not any(finding["code"] == "CS6000" for line in lines[:2] for finding in line["findings"])
     alone = place.alone()
     assert alone != place.part.read_bytes()
     assert (out / "a.mod").read_bytes() == (out / "b.mod").read_bytes() == alone
@@ -97,8 +100,11 @@ def test_what_does_not_pair_is_refused(place: Shop) -> None:
     out = place.folder / "out"
     done = place.correct(a, place.source / "a.prg", b, *place.put("c"), "-o", out, "--json")
     assert done.exit_code == 1
-    codes = [[finding["code"] for finding in json.loads(line)["findings"]] for line in done.stdout.splitlines()]
-    assert codes[:3] == [["CS6002"], ["CS6002"], ["CS6001"]]
+    told = [json.loads(line)["findings"] for line in done.stdout.splitlines()]
+    assert [[finding["code"] for finding in findings] for findings in told[:3]] == [["CS6002"], ["CS6002"], ["CS6001"]]
+    assert [findings[0]["message"].partition(" have ")[0] for findings in told[:2]] == [
+        f"and {place.source / name}" for name in ("a.prg", "a.mod")]
+    assert told[2][0]["message"] == "has 2 force logs: b.forces.csv, b.forces.parquet"
     assert [path.name for path in sorted(out.iterdir())] == ["c.mod", "c.mod.json"]
     empty = place.correct(place.source / "empty", "-o", out, "--json")
     assert empty.exit_code == 1

@@ -139,7 +139,8 @@ def test_a_restart_goes_on_where_the_last_run_ended(place: Shop) -> None:
     text = (first.out / NAME).read_bytes()
     (first.out / NAME).write_bytes(text[:-40])
     third = Watched(place)
-    assert [finding.code for finding in third.journal.findings] == ["CS6007"]
+    assert [(found.code, found.level, found.message) for found in third.journal.findings] == [
+        ("CS6007", "warning", "1 line cannot be read; what stood there is done again")]
     assert third.settled() == [("b.mod", "ok")]
     third.journal.close()
     assert Watched(place).settled() == []

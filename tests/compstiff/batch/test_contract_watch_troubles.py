@@ -67,6 +67,21 @@ def test_a_full_disk_stops_the_watch_before_a_program_is_taken(place: Shop, monk
     assert (watched.out / "a.mod").read_bytes() == place.alone()
 
 
+def test_a_program_that_is_as_before_a_job_which_did_not_end_is_taken_again(place: Shop) -> None:
+    """The power went when the files of a changed program stood there, and it was not said to be done; then it was put back."""
+    watched = Watched(place)
+    place.put("a")
+    assert watched.settled() == [("a.mod", "ok")]
+    watched.journal.begun("a.mod", "of the changed one", ["a.mod", "a.mod.json"])
+    (watched.out / "a.mod").write_text("of the changed one")
+    watched.journal.close()
+    again = Watched(place)
+    assert again.settled() == [("a.mod", "ok")]
+    assert (again.out / "a.mod").read_bytes() == place.alone()
+    again.journal.close()
+    assert Watched(place).settled() == []
+
+
 def test_a_folder_that_is_gone_for_a_while_is_said_once_each_time(place: Shop) -> None:
     said: list[str] = []
     calls = iter(range(100))

@@ -3,6 +3,7 @@ is not spoken of."""
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 from pathlib import Path
@@ -74,6 +75,38 @@ def test_offsets_of_another_robot_are_not_pushed(corrected: Path) -> None:
     (corrected / "neighbour.yaml").write_text(other)
     done = push(corrected, "neighbour.yaml")
     assert (done.code, kit.codes(done) & SAID) == (3, {"CS5028"})
+
+
+def test_offsets_without_places_are_not_pushed_onto_a_corrected_program(tmp_path: Path) -> None:
+    """It has as many targets as the planned one, and its record tells it; where that did not come along, a warning asks."""
+    assert workshop(ROBOTS[0]).run(tmp_path, {}, *call("--offsets", "@offsets.csv", "--keep-targets")).code == 0
+    by_hand = tmp_path / "by-hand.csv"
+    with (tmp_path / "offsets.csv").open() as file, by_hand.open("w") as bare:
+        rows = csv.DictReader(file)
+        written = csv.DictWriter(bare, ["target", "ox_mm", "oy_mm", "oz_mm"], extrasaction="ignore")
+        written.writeheader()
+        written.writerows(rows)
+
+    def pushed(program: str) -> tuple[int, set[tuple[str, str]]]:
+        done = kit.run("push", tmp_path / "cell.yaml", by_hand, "--program", tmp_path / program, "--json")
+        return done.code, {(one["code"], one["level"]) for one in done.json["findings"] if one["code"] in ("CS5023", "CS5024")}
+
+    assert pushed("part.mod") == (0, {("CS5024", "warning")})
+    assert pushed("out.mod") == (3, {("CS5023", "error")})
+    (tmp_path / "out.mod").rename(tmp_path / "renamed.mod")
+    assert pushed("renamed.mod") == (3, {("CS5023", "error")})
+    (tmp_path / "out.mod.json").unlink()
+    assert pushed("renamed.mod") == (0, {("CS5024", "warning")})
+
+
+def test_other_offsets_of_the_planned_program_are_not_pushed_onto_a_corrected_one(corrected: Path) -> None:
+    """It does not have these, and is no planned program all the same: its record says what it is."""
+    other = edited(corrected / "offsets.csv", corrected / "other.csv", 0.8)
+    for record, code in ((True, "CS5023"), (False, "CS5022")):
+        if not record:
+            (corrected / "out.mod.json").unlink()
+        run = kit.run("push", corrected / "cell.yaml", other, "--program", corrected / "out.mod", "--json")
+        assert (run.code, [one["code"] for one in run.json["findings"] if one["level"] == "error"]) == (3, [code])
 
 
 def test_offsets_of_a_logged_pass_that_were_changed(corrected: Path) -> None:

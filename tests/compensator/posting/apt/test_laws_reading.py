@@ -84,6 +84,8 @@ def test_every_unit_of_length_and_of_feed(read, unit, millimetres):
 def test_feed_per_turn_takes_the_spindle(read):
     path = read("UNITS/MM\nSPINDL/RPM,6000,CLW\nFEDRAT/0.2,MMPR\nGOTO/1,0,0\nSPINDL/3000,RPM,CLW\nGOTO/2,0,0\n")
     np.testing.assert_allclose(path.feed, [0.02, 0.01], rtol=1e-12)
+    with pytest.raises(ValueError, match="CS2107: the feed is per turn, and no SPINDL says the speed"):
+        read("UNITS/MM\nSPINDL/RPM,6000,CLW\nFEDRAT/0.2,MMPR\nGOTO/1,0,0\nSPINDL/SMM,300\nGOTO/2,0,0\n")
 
 
 @pytest.mark.parametrize(("spindle", "line"), [
@@ -241,7 +243,9 @@ def test_what_the_machine_should_do_becomes_comments_and_unknown_words_are_count
     assert found["CS2104"].count == 2
     assert found["CS2104"].line == 7
     assert found["CS2111"].line == 4
+    assert "2 machine commands (from SPINDL/9000,RPM,CLW on)" in found["CS2111"].message
     assert "1 statement behind FINI" in found["CS2114"].message
+    assert not {"CS2104", "CS2111", "CS2114"} & set(codes(read("PARTNO BRACKET\n" + HEAD + "GOTO/1,0,0\nFINI\n")))
     assert len(path) == 1
 
 
@@ -249,7 +253,11 @@ def test_home_is_where_from_said(read):
     path = read(HEAD + "FROM/0,0,100\nRAPID\nGOTO/1,2,3\nGOHOME\n")
     np.testing.assert_allclose(1e3 * path.position, [[1, 2, 3], [0, 0, 100]])
     assert path.rapid.tolist() == [True, True]
-    assert "CS2114" in codes(read(HEAD + "GOTO/1,2,3\nGOHOME\n"))
+    assert "CS2114" not in codes(path)
+    left = next(one for one in read(HEAD + "GOTO/1,2,3\nGOHOME\n").findings if one.code == "CS2114")
+    assert (left.level, left.line) == ("warning", 4)
+    with pytest.raises(ValueError, match="CS2102: found a motion behind GOHOME"):
+        read(HEAD + "GOTO/1,2,3\nGOHOME\nGOTO/4,5,6\n")
     assert read(HEAD + "GOTO/1,2,3\nGOHOME/5,5,50\n").position[1, 2] == pytest.approx(0.05)
 
 
