@@ -15,6 +15,10 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
+from compensator.correction.correct import correct
+from compensator.correction.files import Inputs, predict_files
+from compensator.correction.prediction import predict_path
+from compensator.correction.settings import Settings
 from compensator.forces.payload import Payload, estimate_payload, interval_factor, turns
 from compensator.forces.placement import place_forces, read_force_log
 from compensator.forces.tare import SAME, _groups
@@ -234,18 +238,23 @@ def test_tare_needs_a_sensor_and_joint_angles(tmp_path) -> None:
     assert tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")[1]["findings"][0]["code"] == "CS3037"
 
 
-def tilted_plan(folder: Path, cell: str, count: int = 12) -> RobotPath:
-    """Targets 5 mm apart, the tool tilting to and fro by 50 deg and on by 60 deg on the way."""
+def tilted_plan(folder: Path, cell: str, count: int = 12, step: float = 5.0) -> RobotPath:
+    """Targets `step` [mm] apart, the tool tilting to and fro by 50 deg and on by 60 deg on the way."""
+    moves = moves_of(count, step)
+    (folder / "cell.yaml").write_text(cell)
+    text = "MODULE M\nPROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
+    return robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(folder / "cell.yaml"))
+
+
+def moves_of(count: int, step: float = 5.0) -> list[str]:
     moves = []
     for k in range(count):
         share = k / (count - 1)
         turn = kit.Rotation.from_euler("yx", [180 - 50 * np.sin(np.pi * share), 60 * share], degrees=True)
         text = ",".join(f"{v:.9f}" for v in kit.quaternion(turn))
-        moves.append(f"Move{'L' if k else 'J'} [[{1200 + 5 * k},0,900],[{text}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],"
+        moves.append(f"Move{'L' if k else 'J'} [[{1200 + step * k},0,900],[{text}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],"
                      "v50,fine,t1;")
-    (folder / "cell.yaml").write_text(cell)
-    text = "MODULE M\nPROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
-    return robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(folder / "cell.yaml"))
+    return moves
 
 
 def pass_log(folder: Path, plan: RobotPath, cut: np.ndarray, noise: float = 0.0, tool_on: bool = True) -> Path:
@@ -334,6 +343,61 @@ def test_air_stretches_of_other_orientations_give_mass_and_centre(tmp_path) -> N
     # One stretch cannot: the weight that tilts away from it is left in the cut.
     left = place_forces(log, plan, plan.cell, tare=(0, 0), trust_tare=True).wrench[5:9, :3] - CUT[5:9, :3]
     assert np.linalg.norm(left, axis=1).min() > 20
+
+
+@pytest.mark.parametrize(("stretches", "first"), [([(0, 0), (1, 1)], 40), ([(0, 0), (2, 2)], 4),
+                                                  ([(0, 0), (2, 2), (11, 11)], 40)])
+def test_what_a_payload_is_off_that_the_stretches_told_is_in_the_sigma_of_each_force(
+    tmp_path: Path, stretches: list[tuple[int, int]], first: int
+) -> None:
+    """Over 40 logs: two stretches 15 or 29 degrees apart tell the mass badly, and a cut far from their orientation, whose own
+    samples have no noise here, is off by as much of its weight; three in which the tool tilts further tell it well. What is
+    left of the weight in the air is no cut."""
+    plan = tilted_plan(tmp_path, CELL + SENSOR % "sign: on_tool")
+    quiet = read_force_log(pass_log(tmp_path, plan, CUT))
+    quiet = quiet.rows(np.flatnonzero((quiet.place != 0) | (np.arange(len(quiet.place)) < first)))
+    off, stated, told, in_air = [], [], 0, 0
+    for seed in range(40):
+        noise = np.random.default_rng((seed, 8)).normal(0, 4.0, quiet.force.shape)
+        noise[np.isin(quiet.place, [5, 6, 7, 8])] = 0
+        log = replace(quiet, force=quiet.force + noise, plain=quiet.force + noise, moment=0 * noise, has_moment=False)
+        forces = place_forces(log, plan, plan.cell, tare=stretches, trust_tare=True)
+        told += "CS3033" in {one.code for one in forces.findings}
+        off.append(np.linalg.norm((forces.wrench - CUT)[5:9, :3], axis=1))
+        stated.append(np.sqrt(np.sum(forces.of_zero, axis=1))[5:9])
+        in_air += int(forces.forced[[0, 1, 2, 3, 10, 11]].any())
+        assert forces.forced[5:9].all()
+    assert told == 40
+    assert 0.7 < np.sqrt(np.mean(np.square(off)) / np.mean(np.square(stated))) < 1.1
+    assert in_air <= 3
+
+
+def test_how_badly_stretches_tell_a_payload_is_in_the_sigma_on_the_part(tmp_path: Path) -> None:
+    """Springs known well, and an arm of its own that yields to the stated sigmas of each force. Targets that are added have
+    it, too."""
+    cell = CELL + SENSOR % "sign: on_tool"
+    plan = tilted_plan(tmp_path, cell, step=30)
+    log = pass_log(tmp_path, plan, 3 * CUT, noise=4.0)
+    program = "MODULE M\nPROC main()\n" + "\n".join(moves_of(12, 30)) + "\nENDPROC\nENDMODULE\n"
+    job = kit.Job(tmp_path, cell=cell, program=program, stiffness=kit.stiffness_text(relative=1e-6), forces=log.read_text())
+    job.write()
+    inputs = Inputs(*(job.folder / name for name in ("cell.yaml", "part.mod", "stiffness.json", "forces.csv")))
+    predicted = predict_files(inputs, Settings.of(tare=((0, 0), (1, 1)), trust_tare=True))
+    forces = predicted.forces
+    square = forces.standard_error**2 + forces.of_zero
+    exact = replace(forces, weight_std=None, zero_std=0.0, standard_error=0 * forces.standard_error)
+    of_springs = predict_path(replace(predicted.loaded, forces=exact)).covariance
+    for k, with_all, alone in zip(predicted.targets, predicted.prediction.covariance, of_springs, strict=True):
+        yields = np.array([kit.deviation(IRB6660, plan.theta[k], plan.flange_from_tcp[k].position, unit, kit.K)
+                           for unit in np.eye(6)[:3]])
+        of_force = np.sqrt(np.trace(with_all - alone))
+        assert of_force == pytest.approx(np.sqrt(np.sum(square[k][:, None] * yields**2)), rel=0.01)
+    more, own = correct(predicted).predicted.forces, forces.weight_std
+    assert more.weight_std is not None
+    assert own is not None
+    assert len(more.weight_std) > len(own)
+    assert (more.weight_std[5:-3].min(axis=0) > 0.99 * own[4:10].min(axis=0)).all()
+    assert (more.weight_std[5:-3].max(axis=0) < 1.01 * own[4:10].max(axis=0)).all()
 
 
 @pytest.mark.parametrize(("newton", "off", "zeroed", "said"), [
@@ -520,7 +584,7 @@ def test_the_time_for_orientations_grows_with_the_rows(per_row: float) -> None:
 
 @pytest.mark.parametrize(("mass", "std", "code"), [(-4.0, 0.3, "CS3042"), (-0.1, 0.3, "CS3043"), (0.2, 0.3, "CS3043")])
 def test_stretches_of_air_that_hold_no_weight_say_so(mass: float, std: float, code: str) -> None:
-    payload: Any = Payload(np.zeros(6), np.zeros(6), mass, std, None, None, 5, 0, 1.0, 1.0, np.ones(2))
+    payload: Any = Payload(np.zeros(6), np.zeros(6), mass, std, None, None, 5, 0, 1.0, 1.0, np.ones(2), np.eye(4))
     log: Any = SimpleNamespace(source="log.csv")
     air: Any = None
     said = _estimated(payload, air, log)
