@@ -27,7 +27,7 @@ from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from compstiff.cli.main import compstiff
 from identification.common.findings import CompstiffError, Finding
-from identification.model.cell import read_cell
+from identification.model.cell import FARTHEST_CENTRE, read_cell
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.user_files import IRB6660
 
@@ -178,6 +178,57 @@ def test_an_uncertain_payload_is_said(tmp_path) -> None:
     assert code == 3        # most of what changes is the zero's wandering: CS3048
     assert "CS3045" in {finding["code"] for finding in said["findings"]}
     assert said["result"]["mass_kg"]["std"] * 9.80665 > 10
+
+
+@pytest.mark.parametrize(("stated", "said"), [(MASS / 1.24, False), (MASS / 1.26, True), (MASS / 0.205, False),
+                                              (MASS / 0.195, True)])
+def test_a_mass_far_from_the_stated_one_is_said(tmp_path: Path, stated: float, said: bool) -> None:
+    """A fifth to five quarters of it are the tool's parts before and behind the sensor."""
+    still = still_log(tmp_path, np.random.default_rng(1))
+    code, found = tare(tmp_path, still, CELL + SENSOR % f"payload: {{mass_kg: {stated:.4f}}}")
+    assert code == 0
+    assert [(one["level"], one["message"]) for one in found["findings"] if one["code"] == "CS3049"] == (
+        [("warning", f"a mass of 12.4 kg hangs on the sensor; cell.yaml states {float(f'{stated:.4f}'):g} kg")] if said else [])
+
+
+@pytest.mark.parametrize(("away_m", "said"), [(0.98, False), (1.02, True)])
+def test_a_centre_too_far_from_the_flange_is_moments_in_another_unit(tmp_path: Path, away_m: float, said: bool) -> None:
+    """The moments so many times as large that the centre stands so far off, as multiples of the limit."""
+    still, limit = still_log(tmp_path, np.random.default_rng(1)), 1e-3 * FARTHEST_CENTRE
+    arm, place = CENTRE - SENSOR_PLACE, SENSOR_PLACE
+    # |place + s arm| = away, by the positive root.
+    b, c = float(arm @ place), float(place @ place) - (away_m * limit) ** 2
+    scale = (-b + np.sqrt(b**2 - float(arm @ arm) * c)) / float(arm @ arm)
+    rows = np.loadtxt(still, delimiter=",", skiprows=1)
+    rows[:, 9:] *= scale
+    np.savetxt(still, rows, delimiter=",", fmt="%.6f", comments="",
+               header="q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm")
+    code, found = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
+    told = [one for one in found["findings"] if one["code"] == "CS3047"]
+    assert (code, len(told)) == (int(said), int(said))
+    if said:
+        shown = float(told[0]["message"].removeprefix("the centre of mass would be ").split(" m from the flange")[0])
+        assert shown == pytest.approx(away_m * limit, rel=0.01)
+
+
+@pytest.mark.parametrize(("newton", "said"), [(9.7, False), (10.3, True)])
+def test_a_payload_that_is_uncertain_by_ten_newtons_is_said(tmp_path: Path, newton: float, said: bool) -> None:
+    """1 sigma by the least squares of the eight orientations, whose forces have an error each that makes it so."""
+    poses = [kit.tcp_pose(IRB6660, np.radians([10.0, 10, 5, 0, *wrist]), kit.IDENTITY).r for wrist in WRIST]
+    down = np.array([(pose * SENSOR_TURN).inv().apply([0, 0, -9.80665]) for pose in poses])
+    design = np.column_stack([np.tile(np.eye(3), (8, 1)), down.ravel()])
+    off = np.random.default_rng(4).normal(0, 1, 24)
+    left = off - design @ np.linalg.lstsq(design, off, rcond=None)[0]
+    std = 9.80665 * np.sqrt(left @ left / 20 * np.linalg.inv(design.T @ design)[3, 3])
+    off *= newton / std
+    rows = [[10, 10, 5, 0, *wrist, *(reading(pose) + np.r_[error, 0, 0, 0])]
+            for wrist, pose, error in zip(WRIST, poses, off.reshape(8, 3), strict=True) for _ in range(3)]
+    still = tmp_path / "still.csv"
+    np.savetxt(still, rows, delimiter=",", fmt="%.6f", comments="",
+               header="q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm")
+    found = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")[1]
+    assert [one["message"] for one in found["findings"] if one["code"] == "CS3045"] == (
+        ["the payload is uncertain by 21 N (2 sigma): as much false cutting force"] if said else [])
 
 
 def test_two_orientations_leave_the_centre_open(tmp_path) -> None:
@@ -538,6 +589,26 @@ def test_a_log_that_holds_no_weight_is_not_made_to_hold_one(tmp_path) -> None:
         place_forces(log, plan, plan.cell)
     plan = tilted_plan(tmp_path, CELL + SENSOR % (stated + ", weight: removed"))
     assert_allclose(place_forces(log, plan, plan.cell).wrench, CUT, atol=1e-5)
+
+
+@pytest.mark.parametrize(("share", "tare", "said"), [(0.19, None, "23.1 N"), (0.21, None, ""), (0.19, (0, 0), "")])
+def test_a_log_that_shows_a_fifth_of_the_weight_holds_some(
+    tmp_path: Path, share: float, tare: tuple[int, int] | None, said: str
+) -> None:
+    """Under that its quietest targets do not hold it, where taking it off leaves them the rest. A tare gives back what is not
+    there."""
+    plan = tilted_plan(tmp_path, CELL + SENSOR % "payload: {mass_kg: 12.4, centre_of_mass_mm: [12, -8, 143]}")
+    log = read_force_log(pass_log(tmp_path, plan, 0 * CUT))
+    down = np.array([(kit.Rotation.from_matrix(turn) * SENSOR_TURN).inv().apply([0, 0, -9.80665])
+                     for turn in plan.base_from_flange.rotation])
+    shown = share * MASS * down[log.place.astype(int)]
+    log = replace(log, force=shown, plain=shown, moment=0 * shown, has_moment=False)
+    if not said:
+        found = place_forces(log, plan, plan.cell, tare=tare, trust_tare=True).findings
+        assert [one.level for one in found if one.code == "CS3031"] == ["warning" if tare is None else "note"]
+        return
+    with pytest.raises(CompstiffError, match=f"CS3032.*12.4 kg weighs 122 N, and the quietest targets of the log show {said}"):
+        place_forces(log, plan, plan.cell, tare=tare)
 
 
 def test_a_mass_alone_in_the_cell_is_subtracted_with_a_warning(tmp_path) -> None:
