@@ -102,3 +102,29 @@ def test_a_controller_that_checks_configurations_stops(tmp_path, before: str, ow
     plan = planned(tmp_path, joint(steps[0]), before, *(linear(theta, None if k < own else [0, 0, 0, 0])
                                                         for k, theta in enumerate(steps[1:], 1)))
     assert [finding.level for finding in plan.findings if finding.code == "CS4002"] == [level]
+
+
+@pytest.mark.parametrize(("away_mm", "said"), [(4.9, True), (5.1, False), (0.0, False)])
+@pytest.mark.parametrize("stated", ["base_frame", "workobject", "program"])
+def test_a_frame_within_five_millimetres_of_the_world_is_in_metres(
+    tmp_path: Path, stated: str, away_mm: float, said: bool
+) -> None:
+    """The robot's base, the program's work object, and that of cell.yaml where a program names one that it does not declare;
+    the latter counts for nothing where none is taken from there."""
+    place, cell = f"[0, {away_mm}, 0]", write_cell(tmp_path)
+    if stated != "program":
+        cell.write_text(cell.read_text() + f"\n{stated}: {{position_mm: {place}}}\n")
+    declared = f'PERS wobjdata wPart:=[FALSE,TRUE,"",[{place},[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n' * (stated == "program")
+
+    def told(of_object: str) -> list[tuple[str, str | None, int | None]]:
+        move = linear([10.0, 20, 30, 40, 50, 60]).replace("tSpindle;", f"tSpindle{of_object};")
+        text = f"MODULE M\n{declared}PROC main()\n{move}\nENDPROC\nENDMODULE\n"
+        found = robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(cell)).findings
+        return [(one.message, one.file, one.line) for one in found if one.code == "CS0118"]
+
+    name, file, line = {"base_frame": ("base_frame.position_mm", str(cell), None),
+                        "workobject": ("workobject.position_mm", str(cell), None),
+                        "program": ("the work object wPart", "m.mod", 2)}[stated]
+    expected = [(f"{name} is {away_mm:g} mm from the world's origin: is it in metres?", file, line)] if said else []
+    assert told("\\WObj:=wPart") == expected
+    assert told("") == (expected if stated == "base_frame" else [])
