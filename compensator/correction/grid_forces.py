@@ -55,7 +55,8 @@ def forces_on(planned: Predicted, fine: RobotPath, grid: Grid, closest: Array) -
     samples[kept] = forces.samples[grid.targets]
     forced = forces.forced[low] & (own | forces.forced[high])
     return replace(forces, wrench=np.where(forced[:, None], between(forces.wrench), 0.0), samples=samples,
-                   standard_error=between(forces.standard_error), forced=forced)
+                   standard_error=between(forces.standard_error), forced=forced,
+                   weight_std=None if forces.weight_std is None else between(forces.weight_std))
 
 
 def along_chords(place: Array, given: Array, now: Array) -> Array:
@@ -210,9 +211,10 @@ def averaged(
     own = grid.owner[at[alone]]
     wrench[alone], standard_error[alone] = planned.wrench[own], planned.standard_error[own]
     count[alone], forced[alone] = planned.samples[own], planned.forced[own]
-    unknown, follows = (None if values is None else values[at] for values in (placed.unknown, placed.follows))
+    unknown, follows, weight_std = (None if values is None else values[at]
+                                    for values in (placed.unknown, placed.follows, placed.weight_std))
     return replace(placed, wrench=wrench, standard_error=standard_error, samples=count, forced=forced, unknown=unknown,
-                   follows=follows)
+                   follows=follows, weight_std=weight_std)
 
 
 def among_others(planned: TargetForces, kept: Indices, some: TargetForces, number: Indices) -> TargetForces:
@@ -229,4 +231,5 @@ def among_others(planned: TargetForces, kept: Indices, some: TargetForces, numbe
 
     return replace(some, wrench=both("wrench"), samples=both("samples"), standard_error=both("standard_error"),
                    forced=both("forced"), unknown=None if some.unknown is None else both("unknown"),
-                   follows=None if some.follows is None else both("follows"))
+                   follows=None if some.follows is None else both("follows"),
+                   weight_std=None if planned.weight_std is None or some.weight_std is None else both("weight_std"))

@@ -105,7 +105,8 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath, spacing: Array) -> 
     near = grid.further | np.append(grid.further[1:], False) | np.insert(grid.further[:-1], 0, False)
     points = np.flatnonzero(known & near)
     learned = planned.loaded.learned
-    as_known = replace(placed, standard_error=noise_of(placed), unknown=None, follows=None, zero_std=0.0)
+    as_known = replace(placed, standard_error=noise_of(placed), unknown=None, follows=None, zero_std=0.0,
+                       weight_std=None)
     loaded = LoadedPath(path, as_known, planned.model, points, learned)
     # What is left of the covariance is the mean force's.
     exact = replace(planned.model, covariance=np.zeros_like(planned.model.covariance), unknown_weight=0.0,

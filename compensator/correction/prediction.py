@@ -93,7 +93,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     of_effects = model.of_effects(load_state_of(loaded, theta)).of(targets) if model.effects and count else None
     position, covariance = np.empty((count, 3)), np.empty((count, 3, 3))
     learned, of_learned, unseen = np.broadcast_to(0.0, (count, 3)), np.broadcast_to(0.0, count), None
-    unknown, follows = loaded.forces.unknown, loaded.forces.follows
+    unknown, follows, of_zero = loaded.forces.unknown, loaded.forces.follows, loaded.forces.of_zero
     yields = None if follows is None else np.empty((count, 3, 3))
     turned_by = mounting_std(loaded)
     turned, lever = (np.empty((count, 3, 3)), lever_of(loaded)) if turned_by else (None, None)
@@ -104,7 +104,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
         position[places] = block.tool.position - forward(model.robot, theta[places], tool).position
         for part in chunks(len(places)):
             few = places[part]
-            scatter = np.nan_to_num(loaded.forces.standard_error[targets[few]]) ** 2 + loaded.forces.zero_std**2
+            scatter = np.nan_to_num(loaded.forces.standard_error[targets[few]]) ** 2 + of_zero[targets[few]]
             columns = spring_columns(model.robot, theta[few], tool)
             adding = None if of_effects is None else of_effects.of(few)
             spread = model.covariance_by(columns, wrench[few], adding, rows=POSITION)

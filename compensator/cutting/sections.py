@@ -65,7 +65,7 @@ def signed_distance(edge: Array, within: np.ndarray, origin: Array, cell: float)
     ny, nx = within.shape
     if not len(edge):
         return np.full((ny, nx), -cell * float(np.hypot(nx, ny)), dtype=np.float32)
-    best, owner = np.full(ny * nx, np.inf), np.zeros(ny * nx, dtype=np.intp)
+    best, owner = np.full(ny * nx, np.inf), np.zeros(ny * nx, dtype=np.int32)
     way = edge[:, 1] - edge[:, 0]
     # In pieces of that length, each with the points around it.
     near = int(max(np.ceil(NEAR / cell), CELLS))
@@ -87,12 +87,13 @@ def signed_distance(edge: Array, within: np.ndarray, origin: Array, cell: float)
         owner[index[mine]] = which[mine]
     # Beyond: the edge that is nearest to the nearest point beside an edge.
     nearest = distance_transform_edt((best > cell).reshape(ny, nx), return_distances=False, return_indices=True)
-    index = np.ravel_multi_index(tuple(nearest), (ny, nx)).ravel()
-    far = np.flatnonzero(best > near * cell)
-    j, i = np.divmod(far, nx)
-    best[far] = _to_edges(i, j, owner[index[far]], edge, origin, cell)
+    at = nearest.reshape(2, -1)
+    for first in range(0, ny * nx, AT_ONCE):
+        far = first + np.flatnonzero(best[first:first + AT_ONCE] > near * cell)
+        j, i = np.divmod(far, nx)
+        best[far] = _to_edges(i, j, owner[at[0, far].astype(np.intp) * nx + at[1, far]], edge, origin, cell)
     away = best.reshape(ny, nx)
-    return np.where(within, away, -away).astype(np.float32)
+    return np.asarray(np.negative(away, where=~within, out=away).astype(np.float32))
 
 
 def _to_edges(i: np.ndarray, j: np.ndarray, which: np.ndarray, edge: Array, origin: Array, cell: float) -> Array:

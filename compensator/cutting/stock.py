@@ -24,6 +24,8 @@ Grid = NDArray[np.float32]
 MOST_BYTES = 2.1e9
 # Levels nearer to each other than this [m] are one. More levels than this: the layers are even.
 SAME_LEVEL, MOST_LEVELS, MOST_LAYERS = 2e-6, 64, 400
+# So many points are worked on at once, so that no stock takes a multiple of its own memory on the way.
+AT_ONCE = 500_000
 # Pieces of a quarter of a rounding, the most that fit.
 ROUNDING = (24, 8)
 
@@ -68,11 +70,14 @@ def box_stock(low: Array, high: Array, height: Array, cell: float) -> Stock:
     """A box from low to high (3,) [m], in layers between height (L + 1,) [m]."""
     origin, x, y = grid_of(low[:2], high[:2], cell)
     check_size(len(height) - 1, len(y), len(x))
-    inside = np.minimum(np.minimum(x - low[0], high[0] - x)[None, :], np.minimum(y - low[1], high[1] - y)[:, None])
-    # Outside of a corner the distance is that to the corner.
-    outside = np.hypot(np.maximum(np.maximum(low[0] - x, x - high[0]), 0.0)[None, :],
-                       np.maximum(np.maximum(low[1] - y, y - high[1]), 0.0)[:, None])
-    one = np.where(outside > 0, -outside, inside).astype(np.float32)
+    along, across = np.minimum(x - low[0], high[0] - x), np.minimum(y - low[1], high[1] - y)
+    one = np.empty((len(y), len(x)), dtype=np.float32)
+    some = max(AT_ONCE // len(x), 1)
+    for first in range(0, len(y), some):
+        here = across[first:first + some, None]
+        # Outside of a corner the distance is that to the corner.
+        outside = np.hypot(np.maximum(-along, 0.0), np.maximum(-here, 0.0))
+        one[first:first + some] = np.where(outside > 0, -outside, np.minimum(along, here))
     return Stock(origin, cell, height, np.broadcast_to(one, (len(height) - 1, *one.shape)), np.zeros((0, 2, 3)))
 
 

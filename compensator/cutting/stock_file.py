@@ -163,7 +163,7 @@ def stock_npz(stock: Stock) -> bytes:
     content = io.BytesIO()
     np.savez_compressed(
         content, format=np.array(FORMAT), version=np.array(VERSION), origin_mm=1e3 * stock.origin,
-        cell_mm=np.array(1e3 * stock.cell), height_mm=1e3 * stock.height, inside_mm=(1e3 * stock.inside).astype(np.float32),
+        cell_mm=np.array(1e3 * stock.cell), height_mm=1e3 * stock.height, inside_mm=1e3 * stock.inside,
         unknown_mm=1e3 * stock.unknown, position_std_mm=np.array(1e3 * stock.position_std))
     return content.getvalue()
 
@@ -195,5 +195,6 @@ def read_npz(file: Path) -> Stock:
                     "all finite")
     with made_of(file):
         check_size(*inside.shape)
+    inside *= 1e-3
     return Stock(1e-3 * found["origin_mm"], 1e-3 * float(found["cell_mm"]), 1e-3 * height,
-                 (1e-3 * inside).astype(np.float32), 1e-3 * found["unknown_mm"], 1e-3 * float(found["position_std_mm"]))
+                 inside.astype(np.float32, copy=False), 1e-3 * found["unknown_mm"], 1e-3 * float(found["position_std_mm"]))

@@ -17,11 +17,11 @@ OF_ZERO = 3.0
 HALF = 0.5
 
 
-def over_noise(mean: Array, rows: TargetRows, noise: Array, tared: float = np.inf) -> Flags:
+def over_noise(mean: Array, rows: TargetRows, noise: Array, of_zero: Array) -> Flags:
     """Targets (N,) whose mean (N, 6) is other than zero by 5 sigma of a sensor with this noise (6,) of one sample in air, and 3
-    sigma of its zero, which is the mean of `tared` such samples and one for all."""
+    sigma of its zero, of_zero (6,), one for all, or (N, 6)."""
     # A component without noise (no moments logged, a clean simulation) shows a force by being other than zero.
-    least = np.sqrt(SIGMAS**2 / np.maximum(rows.samples, 1) + OF_ZERO**2 / tared)[:, None] * noise
+    least = np.hypot(SIGMAS / np.sqrt(np.maximum(rows.samples, 1))[:, None] * noise, OF_ZERO * of_zero)
     return np.asarray((rows.samples > 0) & (np.abs(mean) > np.maximum(least, SIGMAS * 1e-12)).any(axis=1))
 
 

@@ -186,8 +186,8 @@ def _rate(source: ForceSource) -> tuple[float | None, list[Finding]]:
         usual = step[np.abs(step - middle) <= EVEN * middle]
         return stated or float(1 / usual.mean()), []
     return stated, [Finding(
-        "CS3036", "note", "time_s does not go in even steps (they are rounded, or the logger has no fixed rate): "
-        "gaps are not looked for" + ("" if stated else ", nor the spindle's speed"), file=str(source.file),
+        "CS3036", "note", "the steps of time_s are not even (they are rounded, or the logger has no fixed rate): "
+        "gaps in them are not looked for" + ("" if stated else ", nor the spindle's speed"), file=str(source.file),
         hint="" if stated else "state force_log.rate_hz in cell.yaml if the logger has a fixed rate")]
 
 

@@ -28,7 +28,8 @@ class Payload:
     bias, bias_std (6,) [N, N m], moments NaN where there are none; mass, mass_std [kg]; centre, centre_std (3,) [m], None where
     the orientations do not separate it, or there are no moments. force_dof, moment_dof: degrees of freedom behind the standard
     deviations. force_scatter [N], moment_scatter [N m]: of one reading about the law. turn (2,) [rad]: how far g turned, RMS:
-    in all, and the least over two directions.
+    in all, and the least over two directions. force_covariance (4, 4) of b_F and m; moment_covariance (6, 6) of b_M and m c,
+    None where these are not told.
     """
 
     bias: Array
@@ -42,6 +43,8 @@ class Payload:
     force_scatter: float
     moment_scatter: float
     turn: Array
+    force_covariance: Array
+    moment_covariance: Array | None = None
 
     def __post_init__(self) -> None:
         read_only(self.bias, self.bias_std, self.turn)
@@ -57,6 +60,18 @@ class Payload:
     def negative(self) -> bool:
         """The mass is under zero by more than three standard deviations: something has the wrong sign."""
         return self.mass < -3 * self.mass_std
+
+    def std(self, fall: Array, bias_nm: Array) -> Array:
+        """1 sigma (n, 6) [N, N m] of what the sensor shows without contact where free fall is fall (n, 3) [m/s^2]; of moments
+        that are not told it is bias_nm (3,)."""
+        force = np.concatenate([np.broadcast_to(np.eye(3), (len(fall), 3, 3)), fall[:, :, None]], axis=2)
+        square = np.einsum("nai,ij,naj->na", force, self.force_covariance, force)
+        moment = np.broadcast_to(bias_nm**2, square.shape)
+        if self.moment_covariance is not None:
+            arms = np.stack([np.cross(axis, fall) for axis in np.eye(3)], axis=2)
+            arms = np.concatenate([np.broadcast_to(np.eye(3), arms.shape), arms], axis=2)
+            moment = np.einsum("nai,ij,naj->na", arms, self.moment_covariance, arms)
+        return np.asarray(np.sqrt(np.maximum(np.concatenate([square, moment], axis=1), 0.0)))
 
 
 def weight(fall: Array, mass: float, arm: Array | None) -> Array:
@@ -74,9 +89,10 @@ def turns(fall: Array) -> Array:
     return np.sqrt([np.trace(spread), max(float(np.linalg.eigvalsh(seen)[0]), 0.0)])
 
 
-def estimate_payload(fall: Array, load: Array, *, has_moment: bool) -> Payload | None:
+def estimate_payload(fall: Array, load: Array, *, has_moment: bool, noise: Array | None = None) -> Payload | None:
     """Bias, mass and centre from still readings: fall (n, 3) [m/s^2] and load (n, 6) in the log's axes, one row a still
-    orientation. None where the orientations do not tell the mass from the bias, or leave no degree of freedom."""
+    orientation. noise (n, 6): 1 sigma of the readings, at least; else it is how they scatter about the law. None where the
+    orientations do not tell the mass from the bias, or leave no degree of freedom."""
     count = len(fall)
     turn = turns(fall)
     if count < 2 or turn[0] < TURN:
@@ -84,32 +100,40 @@ def estimate_payload(fall: Array, load: Array, *, has_moment: bool) -> Payload |
     force = np.zeros((3 * count, 4))
     force[:, :3] = np.tile(np.eye(3), (count, 1))
     force[:, 3] = fall.ravel()
-    parameters, covariance, scatter, dof = _least_squares(force, load[:, :3].ravel())
+    of_force, of_moment = (None, None) if noise is None else (noise[:, :3].ravel(), noise[:, 3:].ravel())
+    parameters, covariance, scatter, dof = _least_squares(force, load[:, :3].ravel(), of_force)
     mass, mass_std = float(parameters[3]), float(np.sqrt(covariance[3, 3]))
     bias, bias_std = np.full(6, np.nan), np.full(6, np.nan)
     bias[:3], bias_std[:3] = parameters[:3], np.sqrt(np.diag(covariance)[:3])
     centre = centre_std = None
-    moment_scatter, moment_dof = float("nan"), 0
+    moment_scatter, moment_dof, arm_covariance = float("nan"), 0, None
     if has_moment and turn[1] >= TURN and mass > 3 * mass_std:
         moment = np.zeros((3 * count, 6))
         moment[:, :3] = np.tile(np.eye(3), (count, 1))
         # (m c) x g = -[g]x (m c)
         for k, axis in enumerate(np.eye(3)):
             moment[:, 3 + k] = np.cross(axis, fall).ravel()
-        arm, arm_covariance, moment_scatter, moment_dof = _least_squares(moment, load[:, 3:].ravel())
+        arm, arm_covariance, moment_scatter, moment_dof = _least_squares(moment, load[:, 3:].ravel(), of_moment)
         bias[3:], bias_std[3:] = arm[:3], np.sqrt(np.diag(arm_covariance)[:3])
         centre = arm[3:] / mass
         centre_std = np.sqrt(np.diag(arm_covariance)[3:] + (centre * mass_std) ** 2) / mass
-    return Payload(bias, bias_std, mass, mass_std, centre, centre_std, dof, moment_dof, scatter, moment_scatter, turn)
+    return Payload(bias, bias_std, mass, mass_std, centre, centre_std, dof, moment_dof, scatter, moment_scatter, turn,
+                   covariance, arm_covariance)
 
 
-def _least_squares(design: Array, values: Array) -> tuple[Array, Array, float, int]:
-    """Estimates, their covariance from the scatter about the law, that scatter, and its degrees of freedom."""
+def _least_squares(design: Array, values: Array, noise: Array | None) -> tuple[Array, Array, float, int]:
+    """Estimates, their covariance, the scatter about the law, and its degrees of freedom. The covariance is by that scatter, or
+    by the values' noise (n,), times as much as they scatter more than it lets expect."""
     normal = np.linalg.inv(design.T @ design)
     parameters = normal @ design.T @ values
     dof = int(len(values) - design.shape[1])
-    scatter = float(np.sqrt(np.sum((values - design @ parameters) ** 2) / dof))
-    return parameters, np.asarray(scatter**2 * normal), scatter, dof
+    square = float(np.sum((values - design @ parameters) ** 2))
+    scatter = float(np.sqrt(square / dof))
+    expected = 0.0 if noise is None else float(noise**2 @ (1 - np.einsum("ni,ij,nj->n", design, normal, design)))
+    if noise is None or expected <= 0:
+        return parameters, np.asarray(scatter**2 * normal), scatter, dof
+    weighed, more = noise[:, None] * design, max(square / expected, 1.0)
+    return parameters, np.asarray(more * normal @ (weighed.T @ weighed) @ normal), scatter, dof
 
 
 def interval_factor(dof: int) -> float:

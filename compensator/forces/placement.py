@@ -78,7 +78,7 @@ def place_forces(
     if zero.offset.any():
         mean, own_mean = _without_offset(mean, zero, rows), _without_offset(own_mean, zero, rows)
     forced = over_scatter(own_mean, standard_error, rows) if zero.noise is None else over_noise(
-        own_mean, rows, zero.noise, zero.tared)
+        own_mean, rows, zero.noise, zero.std)
     forced = without_gaps(forced, rows.samples > 0, ~moves_in_air(path.toolpath), own_mean[:, :3])
     standard_error = of_blocks(standard_error, rows.samples, rows.degrees(window), forced)
     if log.key == "target":
@@ -89,12 +89,13 @@ def place_forces(
         standard_error = np.hypot(standard_error, _misplaced(path.length, wrench[:, :3], spread))
     samples = rows.samples.astype(np.intp)
     gaps = short_gaps(path, samples, forced, held) if fill_gaps and log.predicted is None else []
+    zero_std = max(drifted(own_mean, path, rows, zero, forced), zero.own_std)
     between, with_gaps = filled(path, wrench, standard_error, forced, gaps), forced.copy()
     with_gaps[between] = True
     forces = TargetForces(np.where(with_gaps[:, None], wrench, 0.0), samples, standard_error, with_gaps,
                           zero.bias, (), log.without_rows() if log.key == "target" else log,
                           *_of_predicted(log, on, rows, forced),
-                          zero_std=max(drifted(own_mean, path, rows, zero, forced), zero.own_std))
+                          zero_std=zero_std, weight_std=_of_weight(zero, zero_std, path, cell))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *said_of_gaps(log, path, forces, between),
                  *said_of_left_out(log, path, forces, on),
@@ -210,8 +211,22 @@ def _to_base(mean: Array, standard_error: Array, log: ForceLog, path: RobotPath,
         carried = np.cross(lever, base_from_axes.turn(force))
         moment = moment + Frame(base_from_axes.rotation, np.zeros(3)).inverse().turn(carried)
     wrench = np.concatenate([base_from_axes.turn(force), base_from_axes.turn(moment)], axis=1)
-    variance = np.einsum("nij,nj->ni", np.broadcast_to(base_from_axes.rotation, (len(mean), 3, 3)) ** 2, standard_error**2)
-    return np.nan_to_num(wrench), np.sqrt(variance)
+    return np.nan_to_num(wrench), np.sqrt(_turned(base_from_axes, standard_error**2))
+
+
+def _turned(base_from_axes: Frame, variance: Array) -> Array:
+    """Variances (N, 3) along the log's axes along those of the base."""
+    rotation = np.broadcast_to(base_from_axes.rotation, (len(variance), 3, 3))
+    return np.asarray(np.einsum("nij,nj->ni", rotation**2, variance))
+
+
+def _of_weight(zero: Zero, zero_std: float, path: RobotPath, cell: Cell) -> Array | None:
+    """By how much the zero at each target is less sure (N, 3) [N, 1 sigma], base frame, than zero_std [N]: its payload was told
+    by the tare."""
+    if zero.std.ndim == 1:
+        return None
+    square = np.nan_to_num(_turned(base_from_log(path, cell), zero.std[:, :3] ** 2))
+    return np.sqrt(np.maximum(square - zero_std**2, 0.0))
 
 
 def _in_frames(force: Array, mean: Array, path: RobotPath, cell: Cell) -> dict[str, Array]:

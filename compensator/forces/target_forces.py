@@ -28,7 +28,8 @@ class TargetForces:
     frame: covariance of forces that were predicted; follows (N, 3, 3) [N/m]: what those change by where the tool stands off
     its plan. None where they were logged. held (k,): targets all of whose samples stood still (health.py), of which no force
     is known. zero_std [N]: 1 sigma of each axis of the sensor's zero, as its tare and moves in the air beside
-    that show it.
+    that show it. weight_std (N, 3) [N], base frame: how much more it is by the weight at the target's orientation, None where
+    the tare did not tell the payload.
     """
 
     wrench: Array
@@ -42,6 +43,13 @@ class TargetForces:
     follows: Array | None = None
     held: Indices = field(default_factory=lambda: np.empty(0, dtype=np.intp))
     zero_std: float = 0.0
+    weight_std: Array | None = None
+
+    @property
+    def of_zero(self) -> Array:
+        """Variance (N, 3) [N^2] of the zero at the targets, base frame."""
+        square = np.full(self.wrench[:, :3].shape, self.zero_std**2)
+        return square if self.weight_std is None else square + self.weight_std**2
 
     @property
     def named(self) -> bool:
@@ -50,6 +58,8 @@ class TargetForces:
 
     def __post_init__(self) -> None:
         read_only(self.wrench, self.samples, self.standard_error, self.forced)
+        if self.weight_std is not None:
+            read_only(self.weight_std)
 
 
 def at_target(path: RobotPath, target: int) -> dict[str, Any]:

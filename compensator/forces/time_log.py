@@ -85,12 +85,13 @@ def _not_believed(log: ForceLog, path: RobotPath, program: ProgramTime, alignmen
 
 def _placed(log: ForceLog, alignment: TimeAlignment) -> Finding:
     typical, largest = 1e3 * np.nanquantile(alignment.spread, [0.5, 0.95])
+    others = (f"score {alignment.score:.0f} against the best other place {alignment.rival:.1f} s away"
+              if np.isfinite(alignment.rival) else "and no other place is possible")
     return Finding(
         "CS3064", "warning", f"placed by time alone: the program starts at {alignment.start:.2f} s of the log's clock, "
         f"override {100 * alignment.override:.1f} %, stretches slip by up to {alignment.slip:.2f} s; "
-        f"{100 * alignment.share:.0f} % of the force follows the program, score {alignment.score:.0f} against the best other "
-        f"place {alignment.rival:.1f} s away; 1 sigma of a sample's place is up to {largest:.1f} mm, of half of them "
-        f"{typical:.1f} mm, and of its time {np.median(alignment.std):.3f} s", file=log.source)
+        f"{100 * alignment.share:.0f} % of the force follows the program, {others}; 1 sigma of a sample's place is up to "
+        f"{largest:.1f} mm, of half of them {typical:.1f} mm, and of its time {np.median(alignment.std):.3f} s", file=log.source)
 
 
 def _odd_stretch(path: RobotPath, program: ProgramTime, alignment: TimeAlignment) -> list[Finding]:

@@ -106,7 +106,8 @@ def _turned(a: Array, b: Array) -> Reading:
     _, left = _scaled(turned, b)
     axes = [f"{'-' if turn[row, place] < 0 else ''}{'xyz'[place]}" for row, place in enumerate(np.abs(turn).argmax(axis=1))]
     clear = bool((np.abs(turn).max(axis=1) > 0.95).all())
-    angle = np.degrees(np.arccos(np.clip((np.trace(turn) * np.linalg.det(turn) - 1) / 2, -1, 1)))
+    # What is mirrored besides is so along the axis about which it is turned.
+    angle = np.degrees(np.arccos(np.clip((np.trace(turn) - np.sign(np.linalg.det(turn))) / 2, -1, 1)))
     how = f"x y z of one as {' '.join(axes)} of the other" if clear else (
         f"axes turned by {angle:.0f} deg" + (" and mirrored" if np.linalg.det(turn) < 0 else ""))
     return Reading("CS3111", how, left, "was the sensor mounted or zeroed anew, are its columns in another order, or does one "

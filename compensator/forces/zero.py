@@ -58,25 +58,30 @@ class Air:
         """So many samples of one stretch make as sure a mean as that of the stretches, each counting alike."""
         return float(len(self.each) ** 2 / np.sum(1 / self.each))
 
+    @property
+    def bias_std(self) -> Array:
+        """1 sigma (6,) of the mean of the stretches."""
+        return np.asarray(self.noise / np.sqrt(self.samples))
+
 
 @dataclass(frozen=True, eq=False)
 class Zero:
     """offset (N, 6) as logged at each target without contact; bias (6,) in it, None where none is known; noise (6,) of one
-    sample, None without a tare; tared: the bias is as sure as the mean of so many samples."""
+    sample, None without a tare; std: 1 sigma (6,) of the offset, or (N, 6) where its weight was told by the tare, too."""
 
     offset: Array
     bias: Array | None
     noise: Array | None
     findings: tuple[Finding, ...]
-    tared: float = np.inf
+    std: Array
 
     @property
     def own_std(self) -> float:
-        """1 sigma [N] of each axis of a bias that is the mean of so many samples, root mean square; 0 without a tare."""
-        return 0.0 if self.noise is None else float(np.sqrt(np.mean(self.noise[:3] ** 2) / self.tared))
+        """1 sigma [N] of each axis of a bias that is the same at all targets, root mean square; 0 without a tare."""
+        return float(np.sqrt(np.mean(self.std[:3] ** 2))) if self.std.ndim == 1 else 0.0
 
     def __post_init__(self) -> None:
-        read_only(*(array for array in (self.offset, self.bias, self.noise) if array is not None))
+        read_only(self.std, *(array for array in (self.offset, self.bias, self.noise) if array is not None))
 
 
 def of_six(loads: Array) -> Array:
@@ -111,12 +116,15 @@ def zero_of(
     mass, centre = (form.mass, form.centre) if weighs else (None, None)
     findings: list[Finding] = []
     air = _air(log, loads, rows, fall, tare, moves_in_air(path.toolpath)) if tare else None
+    std = np.zeros(6) if air is None else air.bias_std
     if air is not None and not mass and weighs and len(tare) > 1:
-        payload = estimate_payload(air.fall, form.sign * air.mean, has_moment=log.has_moment)
+        payload = estimate_payload(air.fall, form.sign * air.mean, has_moment=log.has_moment,
+                                   noise=air.noise / np.sqrt(air.each)[:, None])
         findings.append(_estimated(payload, air, log))
         if payload is not None and payload.told_from_none:
             # The centre in the log's own frame, where the sensor sits: carried to the flange once.
             mass, centre = payload.mass, _in_flange(payload, _tool_of(path, rows, tare), form)
+            std = payload.std(fall, std[3:])
     held = np.zeros((len(path.toolpath), 6))
     if mass:
         arm = None
@@ -146,8 +154,7 @@ def zero_of(
         mean = rows.mean(loads[:, :3] - bias[:3])
         findings.append(_weighed(log, form, mass, mean[seen], held[seen, :3], tared=air is not None))
     known = air is not None or form.bias is not None
-    return Zero(held + bias, bias if known else None, None if air is None else air.noise, tuple(findings),
-                np.inf if air is None else air.samples)
+    return Zero(held + bias, bias if known else None, None if air is None else air.noise, tuple(findings), std)
 
 
 def _air(
@@ -254,7 +261,7 @@ def _tared(
 ) -> list[Finding]:
     """What is said of the bias, the mean of those (k, 6) of each stretch."""
     where = ", ".join(f"{first} to {last}" for first, last in tare)
-    known = Zero(bias, bias, air.noise, (), air.samples).own_std
+    known = float(np.sqrt(np.mean(air.bias_std[:3] ** 2)))
     few = air.samples < FEW and known > 0
     of = f"{counted(int(air.each.sum()), 'sample')} of targets {where}, known to +-{two_sigma(known):.1f} N" if few else (
         f"targets {where}")

@@ -38,8 +38,8 @@ NO_REMAINDER = Remainder(np.zeros((0, 3)), np.zeros((0, 6)), 1.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class JobFrame:
-    """What set-up and drift are counted by: the work object measured, the middle (3,) [m] and radius [m] of the measured
-    places, base frame, and the job's duration [s] at the programmed feed."""
+    """What set-up and drift are counted by: the work object measured, as it stands where the program's external axes begin,
+    the middle (3,) [m] and radius [m] of the measured places, base frame, and the job's duration [s] at the programmed feed."""
 
     base_from_object: Frame
     centre: Array
@@ -161,7 +161,7 @@ class Learned:
         """Refused (CS5322) where the set-up is said to repeat and the program's work object stands elsewhere."""
         if repeats == "nothing" or not len(targets):
             return
-        apart = self.frame.base_from_object.inverse() @ path.base_from_object[targets]
+        apart = self.frame.base_from_object.inverse() @ path.axes.to_rest(path.base_from_object[targets], targets)
         off = float(np.linalg.norm(apart.position, axis=1).max())
         # Of a turn by an angle a the matrix is off the unit by sqrt(8) sin(a / 2).
         chord = np.linalg.norm(apart.rotation - np.eye(3), axis=(1, 2)) / np.sqrt(8.0)

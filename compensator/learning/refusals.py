@@ -19,7 +19,7 @@ STIFFER, SURE = 0.85, 3.0
 SOFTER = 1.6
 # By less than this on stretches left out nothing is lost: where there is nothing to learn, learning costs a little everywhere.
 WORSE = 1.1
-# A set-up that is off by more than this [m] deserves a word of its own.
+# A set-up that moves the middle of the points, or by its turn a point at their radius, by more than this [m] is to be mended.
 LARGE_SETUP = 0.2e-3
 
 
@@ -105,11 +105,12 @@ def said_of(learning: Learning, before: Array, mean: Array) -> list[Finding]:
     size, frame = learning.learned.springs, learning.learned.frame
     job = learning.learned.mean[size:size + 9]
     if learning.setup_on:
-        shift = float(np.linalg.norm(job[:3]))
+        shift, turn = float(np.linalg.norm(job[:3])), float(np.linalg.norm(job[3:6]))
+        large = max(shift, turn) > LARGE_SETUP
         findings.append(Finding(
-            "CS5314", "warning" if shift > LARGE_SETUP else "note", f"the part stood {1e6 * shift:.0f} um and "
-            f"{1e3 * np.linalg.norm(job[3:6]) / frame.radius:.2f} mrad from its work object, as far as rigid: carried only "
-            "with --repeats setup or job", file=source, hint="probe the work object again" if shift > LARGE_SETUP else ""))
+            "CS5314", "warning" if large else "note", f"the part stood {1e6 * shift:.0f} um and "
+            f"{1e3 * turn / frame.radius:.2f} mrad from its work object, as far as rigid: carried only "
+            "with --repeats setup or job", file=source, hint="probe the work object again" if large else ""))
     if learning.drift_on:
         findings.append(Finding(
             "CS5315", "note", f"a drift of {1e6 * np.linalg.norm(job[6:]):.0f} um over the {frame.duration:.0f} s of the job, "

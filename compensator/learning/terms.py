@@ -100,8 +100,8 @@ def frame_of(rows: Rows, predicted: Predicted) -> JobFrame:
     """What set-up and drift of this job are counted by."""
     centre = rows.position.mean(axis=0)
     radius = float(np.sqrt(np.mean(np.sum((rows.position - centre) ** 2, axis=1)))) or 1.0
-    first = predicted.path.base_from_object[int(predicted.targets[0])]
-    return JobFrame(first, centre, radius, float(rows.time.max()))
+    path, first = predicted.path, predicted.targets[:1]
+    return JobFrame(path.axes.to_rest(path.base_from_object[first], first)[0], centre, radius, float(rows.time.max()))
 
 
 def terms_of(rows: Rows, predicted: Predicted, model: IdentifiedModel, mean: Array, before: Array,

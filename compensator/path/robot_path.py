@@ -165,11 +165,14 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
 
 def _in_metres(cell: Cell, toolpath: Toolpath, posed: NDArray[np.bool_]) -> list[Finding]:
     """Frames that lie next to the world's origin, and not in it (CS0118): base_frame, and the work objects of the posed
-    targets that the program declares."""
-    near = [("base_frame.position_mm", cell.world_from_base.position, str(cell.source), None)]
+    targets, as the program declares them, or cell.yaml where it does not."""
+    near: list[tuple[str, Array, str, int | None]] = [
+        ("base_frame.position_mm", cell.world_from_base.position, str(cell.source), None)]
+    used = [toolpath.workobjects[k] for k in np.unique(toolpath.workobject[posed])]
     near += [(f"the work object {item.name}", item.position, toolpath.source, item.line)
-             for item in (toolpath.workobjects[k] for k in np.unique(toolpath.workobject[posed]))
-             if item.position is not None and not item.unit]
+             for item in used if item.position is not None and not item.unit]
+    if any(item.position is None for item in used):
+        near.append(("workobject.position_mm", cell.world_from_object.position, str(cell.source), None))
     return [Finding("CS0118", "warning", f"{name} is {1e3 * size:.3g} mm from the world's origin: is it in metres?", file,
                     line, hint="every length is in millimetres, in cell.yaml as in RAPID")
             for name, position, file, line in near if 0 < (size := float(np.linalg.norm(position))) < IN_METRES]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -69,6 +70,24 @@ def test_a_stock_that_takes_too_much_memory_is_refused_with_its_file(tmp_path: P
         read_stock(file)
     [found] = stopped.value.findings
     assert (found.code, found.level, found.message, found.file) == ("CS4704", "error", said, str(file))
+
+
+def test_a_box_takes_little_more_memory_than_its_layer_while_it_is_made(tmp_path: Path) -> None:
+    """16 million points of four bytes, in any number of layers; the same numbers as of a box that is made in one piece."""
+    blank = read_stock(written(tmp_path, "box: {from_mm: [0, 0, -5], to_mm: [800, 799, 0]}\nresolution_mm: 0.2\n"))
+    tracemalloc.start()
+    try:
+        stock = blank.stock(np.array([-2e-3, -3e-3]), 0.0)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert stock.inside.shape == (3, 4000, 4005)
+    assert 1 < peak / (4 * 4000 * 4005) < 1.5
+    x, y = (1e3 * (stock.origin[axis] + stock.cell * np.arange(count)) for axis, count in ((0, 4005), (1, 4000)))
+    for row in (0, 1, 700, 1998, 3999):
+        off = np.abs(np.stack(np.broadcast_arrays(x - 400, y[row] - 399.5))) - np.array([[400], [399.5]])
+        away = np.where((off <= 0).all(axis=0), off.max(axis=0), np.hypot(*np.maximum(off, 0)))
+        np.testing.assert_allclose(1e3 * stock.inside[2, row], -away, atol=1e-4)
 
 
 @pytest.mark.parametrize(("text", "words", "hint"), [

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from compensator.cutting.cut import _check_near
+from compensator.cutting.solid import read_solid
 from compensator.cutting.stock_file import read_stock
 from identification.common.findings import CompstiffError
 from tests.compensator.cutting.milled import FLAT, track_along
@@ -46,6 +47,21 @@ def test_what_is_no_blank_is_refused(tmp_path: Path, content: bytes, code: str, 
 @pytest.mark.parametrize("more", ["", "units: cm\n", "units: mm\nbox: {from_mm: [0, 0, -5], to_mm: [5, 5, 0]}\n"])
 def test_units_are_stated_and_the_blank_is_one(tmp_path: Path, more: str) -> None:
     assert refused(tmp_path, binary(FACES), more)[0] == "CS0102"
+
+
+@pytest.mark.parametrize(("size_mm", "said"), [
+    ((9990, 40, 20), ""), ((40, 10010, 20), "40 x 1.001e+04 x 20 mm, expected at most 10000"), ((0.51, 40, 20), ""),
+    ((120, 80, 0.49), "120 x 80 x 0.49 mm, expected at least 0.5 each way")])
+def test_a_blank_is_of_a_size_that_a_robot_mills(tmp_path: Path, size_mm: tuple[float, float, float], said: str) -> None:
+    file = tmp_path / "a.stl"
+    file.write_bytes(binary(box_faces((0.0, 0.0, 0.0), size_mm)))
+    if not said:
+        assert 1e3 * np.ptp(read_solid(file, 1e-3).bounds, axis=0) == pytest.approx(size_mm, rel=1e-5)
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read_solid(file, 1e-3)
+    [found] = stopped.value.findings
+    assert (found.code, found.level, found.file, found.message) == ("CS4714", "error", str(file), f"the blank is {said}")
 
 
 def test_units_without_an_stl_are_refused(tmp_path: Path) -> None:

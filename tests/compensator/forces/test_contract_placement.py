@@ -218,6 +218,9 @@ def test_the_target_ahead_is_the_place_on_the_way(tmp_path) -> None:
     ("target,fx_n,fy_n,fz_n\n", "CS3002", "no samples"),
     ("fx_n,fy_n,fz_n\n1,0,0\n", "CS3001", "no column says where"),
     ("time_s,fx_n,fy_n,fz_n\n0,1,0,0\n", "CS3063", "1 sample is too few"),
+    ("time_s,fx_n,fy_n,fz_n\n" + "".join(f"{i},{i},0,0\n" for i in range(99)), "CS3063", "99 samples are too few"),
+    ("time_s,fx_n,fy_n,fz_n\n" + "".join(f"{i},1,0,0\n" for i in range(100)), "CS3063", "never changes"),
+    ("time_s,fx_n,fy_n,fz_n\n" + "".join(f"0,{i},0,0\n" for i in range(100)), "CS3063", "or time does not"),
     ("time_s,fx_n,fy_n,fz_n\n" + "".join(f"{i},1,0,0\n" for i in range(200)), "CS3063", "never changes"),
     ("time_s,fx_n,fy_n,fz_n\n" + "".join(f"{i if i < 150 else i - 1.5},{i},0,0\n" for i in range(200)), "CS3062",
      "time_s 148.5 stands before the one above it, 149"),
@@ -595,18 +598,42 @@ HOMES = {
     "in the air": f"MoveJ [[1000,-200,900],{TURN},v100,fine,tool0;\n"}
 
 
+@pytest.mark.parametrize(("cuts", "forced", "newton", "said"), [
+    (50, 5, 9.5, "5 with a force, 9.5 N in the middle"), (50, 6, 9.5, ""), (50, 5, 10.5, ""), (49, 4, 9.5, ""),
+    (50, 0, 0.0, "none with a force")])
+def test_a_pass_with_a_force_at_a_tenth_of_its_targets_cut_next_to_nothing(
+    tmp_path: Path, cuts: int, forced: int, newton: float, said: str
+) -> None:
+    """Of fifty targets at the cutting feed, and of under ten newtons in the middle."""
+    text = "".join(f"MoveL [[{1000 + 5 * i},0,700],{TURN},{'v500' if i < 6 else 'v20'},fine,tSpindle;\n"
+                   for i in range(cuts + 6))
+    (tmp_path / "cell.yaml").write_text(CELL)
+    path = robot_path(read_rapid(f"MODULE M\nPROC main()\n{text}ENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath,
+                      read_cell(tmp_path / "cell.yaml"))
+    force = np.random.default_rng(5).normal(0, 0.1, (cuts + 6, 40, 3))
+    force[10:10 + 8 * forced:8, :, 1] += newton
+    rows = np.column_stack([np.repeat(np.arange(cuts + 6), 40), force.reshape(-1, 3)])
+    (tmp_path / "forces.csv").write_text(log_text("target,fx_n,fy_n,fz_n", rows))
+    placed = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell, tare=(0, 4))
+    assert placed.forced.sum() == forced
+    assert [(one.level, one.message) for one in placed.findings if one.code == "CS3077"] == ([(
+        "warning", f"of 50 targets at the cutting feed {said}: was this pass driven in the air?")] if said else [])
+
+
 @pytest.mark.parametrize("home", HOMES)
 @pytest.mark.parametrize("key", ["positions", "joint angles"])
 def test_a_home_of_another_tool_and_work_object_does_not_stop_a_log(tmp_path: Path, home: str, key: str) -> None:
     """Positions are those in the work object of the linear moves, joint angles carry their tool. Each target has a force of its
     own, from samples about it."""
-    def planned(second: str) -> RobotPath:
+    def planned(second: str, tool: str = "tSpindle") -> RobotPath:
         moves = "\n".join(
-            f"MoveL [[{1000 + 10 * i},0,700],{TURN},v100,fine,tSpindle\\WObj:={second if i == 4 else 'wPart'};"
-            for i in range(5))
-        data = ("PERS tooldata tSpindle:=[TRUE,[[120,0,250],[1,0,0,0]],[5,[0,0,90],[1,0,0,0],0,0,0]];\n" + "".join(
+            f"MoveL [[{1000 + 10 * i},0,700],{TURN},v100,fine,{tool if i == 3 else 'tSpindle'}\\WObj:="
+            f"{second if i == 4 else 'wPart'};" for i in range(5))
+        data = "".join(f"PERS tooldata {name}:=[TRUE,[[120,0,{z}],[1,0,0,0]],[5,[0,0,90],[1,0,0,0],0,0,0]];\n"
+                       for name, z in (("tSpindle", 250), ("tOther", 240)))
+        data += "".join(
             f"PERS wobjdata {name}:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,50,100],[1,0,0,0]]];\n"
-            for name in ("wPart", "wTwo")))
+            for name in ("wPart", "wTwo"))
         (tmp_path / "cell.yaml").write_text(CELL)
         text = f"MODULE M\n{data}PROC main()\n{HOMES[home]}{moves}\nENDPROC\nENDMODULE\n"
         return robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(tmp_path / "cell.yaml"))
@@ -627,3 +654,7 @@ def test_a_home_of_another_tool_and_work_object_does_not_stop_a_log(tmp_path: Pa
     if key == "positions":
         with pytest.raises(CompstiffError, match="CS3010.*needs one work object, the program uses 2"):
             place_forces(read_force_log(log), planned("wTwo"), here.cell)
+        return
+    place_forces(read_force_log(log), planned("wTwo"), here.cell)
+    with pytest.raises(CompstiffError, match="CS3010.*joint angles needs one tool, the program uses 2"):
+        place_forces(read_force_log(log), planned("wPart", "tOther"), here.cell)

@@ -17,4 +17,4 @@ def test_a_force_is_five_sigma_of_the_mean_and_three_of_the_zero(samples: int, t
     mean = np.zeros((4, 6))
     mean[:, 1] = np.array([0.99, -1.01, 1.01, 5.0]) * least
     # The last target has no sample.
-    assert over_noise(mean, rows, np.full(6, 2.0), tared).tolist() == [False, True, True, False]
+    assert over_noise(mean, rows, np.full(6, 2.0), np.full(6, 2 / np.sqrt(tared))).tolist() == [False, True, True, False]

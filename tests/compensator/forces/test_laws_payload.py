@@ -15,6 +15,10 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
+from compensator.correction.correct import correct
+from compensator.correction.files import Inputs, predict_files
+from compensator.correction.prediction import predict_path
+from compensator.correction.settings import Settings
 from compensator.forces.payload import Payload, estimate_payload, interval_factor, turns
 from compensator.forces.placement import place_forces, read_force_log
 from compensator.forces.tare import SAME, _groups
@@ -23,7 +27,7 @@ from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from compstiff.cli.main import compstiff
 from identification.common.findings import CompstiffError, Finding
-from identification.model.cell import read_cell
+from identification.model.cell import FARTHEST_CENTRE, read_cell
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.user_files import IRB6660
 
@@ -176,6 +180,57 @@ def test_an_uncertain_payload_is_said(tmp_path) -> None:
     assert said["result"]["mass_kg"]["std"] * 9.80665 > 10
 
 
+@pytest.mark.parametrize(("stated", "said"), [(MASS / 1.24, False), (MASS / 1.26, True), (MASS / 0.205, False),
+                                              (MASS / 0.195, True)])
+def test_a_mass_far_from_the_stated_one_is_said(tmp_path: Path, stated: float, said: bool) -> None:
+    """A fifth to five quarters of it are the tool's parts before and behind the sensor."""
+    still = still_log(tmp_path, np.random.default_rng(1))
+    code, found = tare(tmp_path, still, CELL + SENSOR % f"payload: {{mass_kg: {stated:.4f}}}")
+    assert code == 0
+    assert [(one["level"], one["message"]) for one in found["findings"] if one["code"] == "CS3049"] == (
+        [("warning", f"a mass of 12.4 kg hangs on the sensor; cell.yaml states {float(f'{stated:.4f}'):g} kg")] if said else [])
+
+
+@pytest.mark.parametrize(("away_m", "said"), [(0.98, False), (1.02, True)])
+def test_a_centre_too_far_from_the_flange_is_moments_in_another_unit(tmp_path: Path, away_m: float, said: bool) -> None:
+    """The moments so many times as large that the centre stands so far off, as multiples of the limit."""
+    still, limit = still_log(tmp_path, np.random.default_rng(1)), 1e-3 * FARTHEST_CENTRE
+    arm, place = CENTRE - SENSOR_PLACE, SENSOR_PLACE
+    # |place + s arm| = away, by the positive root.
+    b, c = float(arm @ place), float(place @ place) - (away_m * limit) ** 2
+    scale = (-b + np.sqrt(b**2 - float(arm @ arm) * c)) / float(arm @ arm)
+    rows = np.loadtxt(still, delimiter=",", skiprows=1)
+    rows[:, 9:] *= scale
+    np.savetxt(still, rows, delimiter=",", fmt="%.6f", comments="",
+               header="q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm")
+    code, found = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
+    told = [one for one in found["findings"] if one["code"] == "CS3047"]
+    assert (code, len(told)) == (int(said), int(said))
+    if said:
+        shown = float(told[0]["message"].removeprefix("the centre of mass would be ").split(" m from the flange")[0])
+        assert shown == pytest.approx(away_m * limit, rel=0.01)
+
+
+@pytest.mark.parametrize(("newton", "said"), [(9.7, False), (10.3, True)])
+def test_a_payload_that_is_uncertain_by_ten_newtons_is_said(tmp_path: Path, newton: float, said: bool) -> None:
+    """1 sigma by the least squares of the eight orientations, whose forces have an error each that makes it so."""
+    poses = [kit.tcp_pose(IRB6660, np.radians([10.0, 10, 5, 0, *wrist]), kit.IDENTITY).r for wrist in WRIST]
+    down = np.array([(pose * SENSOR_TURN).inv().apply([0, 0, -9.80665]) for pose in poses])
+    design = np.column_stack([np.tile(np.eye(3), (8, 1)), down.ravel()])
+    off = np.random.default_rng(4).normal(0, 1, 24)
+    left = off - design @ np.linalg.lstsq(design, off, rcond=None)[0]
+    std = 9.80665 * np.sqrt(left @ left / 20 * np.linalg.inv(design.T @ design)[3, 3])
+    off *= newton / std
+    rows = [[10, 10, 5, 0, *wrist, *(reading(pose) + np.r_[error, 0, 0, 0])]
+            for wrist, pose, error in zip(WRIST, poses, off.reshape(8, 3), strict=True) for _ in range(3)]
+    still = tmp_path / "still.csv"
+    np.savetxt(still, rows, delimiter=",", fmt="%.6f", comments="",
+               header="q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm")
+    found = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")[1]
+    assert [one["message"] for one in found["findings"] if one["code"] == "CS3045"] == (
+        ["the payload is uncertain by 21 N (2 sigma): as much false cutting force"] if said else [])
+
+
 def test_two_orientations_leave_the_centre_open(tmp_path) -> None:
     still = still_log(tmp_path, np.random.default_rng(1), WRIST[:2])
     code, said = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
@@ -234,18 +289,23 @@ def test_tare_needs_a_sensor_and_joint_angles(tmp_path) -> None:
     assert tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")[1]["findings"][0]["code"] == "CS3037"
 
 
-def tilted_plan(folder: Path, cell: str, count: int = 12) -> RobotPath:
-    """Targets 5 mm apart, the tool tilting to and fro by 50 deg and on by 60 deg on the way."""
+def tilted_plan(folder: Path, cell: str, count: int = 12, step: float = 5.0) -> RobotPath:
+    """Targets `step` [mm] apart, the tool tilting to and fro by 50 deg and on by 60 deg on the way."""
+    moves = moves_of(count, step)
+    (folder / "cell.yaml").write_text(cell)
+    text = "MODULE M\nPROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
+    return robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(folder / "cell.yaml"))
+
+
+def moves_of(count: int, step: float = 5.0) -> list[str]:
     moves = []
     for k in range(count):
         share = k / (count - 1)
         turn = kit.Rotation.from_euler("yx", [180 - 50 * np.sin(np.pi * share), 60 * share], degrees=True)
         text = ",".join(f"{v:.9f}" for v in kit.quaternion(turn))
-        moves.append(f"Move{'L' if k else 'J'} [[{1200 + 5 * k},0,900],[{text}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],"
+        moves.append(f"Move{'L' if k else 'J'} [[{1200 + step * k},0,900],[{text}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],"
                      "v50,fine,t1;")
-    (folder / "cell.yaml").write_text(cell)
-    text = "MODULE M\nPROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
-    return robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(folder / "cell.yaml"))
+    return moves
 
 
 def pass_log(folder: Path, plan: RobotPath, cut: np.ndarray, noise: float = 0.0, tool_on: bool = True) -> Path:
@@ -334,6 +394,61 @@ def test_air_stretches_of_other_orientations_give_mass_and_centre(tmp_path) -> N
     # One stretch cannot: the weight that tilts away from it is left in the cut.
     left = place_forces(log, plan, plan.cell, tare=(0, 0), trust_tare=True).wrench[5:9, :3] - CUT[5:9, :3]
     assert np.linalg.norm(left, axis=1).min() > 20
+
+
+@pytest.mark.parametrize(("stretches", "first"), [([(0, 0), (1, 1)], 40), ([(0, 0), (2, 2)], 4),
+                                                  ([(0, 0), (2, 2), (11, 11)], 40)])
+def test_what_a_payload_is_off_that_the_stretches_told_is_in_the_sigma_of_each_force(
+    tmp_path: Path, stretches: list[tuple[int, int]], first: int
+) -> None:
+    """Over 40 logs: two stretches 15 or 29 degrees apart tell the mass badly, and a cut far from their orientation, whose own
+    samples have no noise here, is off by as much of its weight; three in which the tool tilts further tell it well. What is
+    left of the weight in the air is no cut."""
+    plan = tilted_plan(tmp_path, CELL + SENSOR % "sign: on_tool")
+    quiet = read_force_log(pass_log(tmp_path, plan, CUT))
+    quiet = quiet.rows(np.flatnonzero((quiet.place != 0) | (np.arange(len(quiet.place)) < first)))
+    off, stated, told, in_air = [], [], 0, 0
+    for seed in range(40):
+        noise = np.random.default_rng((seed, 8)).normal(0, 4.0, quiet.force.shape)
+        noise[np.isin(quiet.place, [5, 6, 7, 8])] = 0
+        log = replace(quiet, force=quiet.force + noise, plain=quiet.force + noise, moment=0 * noise, has_moment=False)
+        forces = place_forces(log, plan, plan.cell, tare=stretches, trust_tare=True)
+        told += "CS3033" in {one.code for one in forces.findings}
+        off.append(np.linalg.norm((forces.wrench - CUT)[5:9, :3], axis=1))
+        stated.append(np.sqrt(np.sum(forces.of_zero, axis=1))[5:9])
+        in_air += int(forces.forced[[0, 1, 2, 3, 10, 11]].any())
+        assert forces.forced[5:9].all()
+    assert told == 40
+    assert 0.7 < np.sqrt(np.mean(np.square(off)) / np.mean(np.square(stated))) < 1.1
+    assert in_air <= 3
+
+
+def test_how_badly_stretches_tell_a_payload_is_in_the_sigma_on_the_part(tmp_path: Path) -> None:
+    """Springs known well, and an arm of its own that yields to the stated sigmas of each force. Targets that are added have
+    it, too."""
+    cell = CELL + SENSOR % "sign: on_tool"
+    plan = tilted_plan(tmp_path, cell, step=30)
+    log = pass_log(tmp_path, plan, 3 * CUT, noise=4.0)
+    program = "MODULE M\nPROC main()\n" + "\n".join(moves_of(12, 30)) + "\nENDPROC\nENDMODULE\n"
+    job = kit.Job(tmp_path, cell=cell, program=program, stiffness=kit.stiffness_text(relative=1e-6), forces=log.read_text())
+    job.write()
+    inputs = Inputs(*(job.folder / name for name in ("cell.yaml", "part.mod", "stiffness.json", "forces.csv")))
+    predicted = predict_files(inputs, Settings.of(tare=((0, 0), (1, 1)), trust_tare=True))
+    forces = predicted.forces
+    square = forces.standard_error**2 + forces.of_zero
+    exact = replace(forces, weight_std=None, zero_std=0.0, standard_error=0 * forces.standard_error)
+    of_springs = predict_path(replace(predicted.loaded, forces=exact)).covariance
+    for k, with_all, alone in zip(predicted.targets, predicted.prediction.covariance, of_springs, strict=True):
+        yields = np.array([kit.deviation(IRB6660, plan.theta[k], plan.flange_from_tcp[k].position, unit, kit.K)
+                           for unit in np.eye(6)[:3]])
+        of_force = np.sqrt(np.trace(with_all - alone))
+        assert of_force == pytest.approx(np.sqrt(np.sum(square[k][:, None] * yields**2)), rel=0.01)
+    more, own = correct(predicted).predicted.forces, forces.weight_std
+    assert more.weight_std is not None
+    assert own is not None
+    assert len(more.weight_std) > len(own)
+    assert (more.weight_std[5:-3].min(axis=0) > 0.99 * own[4:10].min(axis=0)).all()
+    assert (more.weight_std[5:-3].max(axis=0) < 1.01 * own[4:10].max(axis=0)).all()
 
 
 @pytest.mark.parametrize(("newton", "off", "zeroed", "said"), [
@@ -476,6 +591,26 @@ def test_a_log_that_holds_no_weight_is_not_made_to_hold_one(tmp_path) -> None:
     assert_allclose(place_forces(log, plan, plan.cell).wrench, CUT, atol=1e-5)
 
 
+@pytest.mark.parametrize(("share", "tare", "said"), [(0.19, None, "23.1 N"), (0.21, None, ""), (0.19, (0, 0), "")])
+def test_a_log_that_shows_a_fifth_of_the_weight_holds_some(
+    tmp_path: Path, share: float, tare: tuple[int, int] | None, said: str
+) -> None:
+    """Under that its quietest targets do not hold it, where taking it off leaves them the rest. A tare gives back what is not
+    there."""
+    plan = tilted_plan(tmp_path, CELL + SENSOR % "payload: {mass_kg: 12.4, centre_of_mass_mm: [12, -8, 143]}")
+    log = read_force_log(pass_log(tmp_path, plan, 0 * CUT))
+    down = np.array([(kit.Rotation.from_matrix(turn) * SENSOR_TURN).inv().apply([0, 0, -9.80665])
+                     for turn in plan.base_from_flange.rotation])
+    shown = share * MASS * down[log.place.astype(int)]
+    log = replace(log, force=shown, plain=shown, moment=0 * shown, has_moment=False)
+    if not said:
+        found = place_forces(log, plan, plan.cell, tare=tare, trust_tare=True).findings
+        assert [one.level for one in found if one.code == "CS3031"] == ["warning" if tare is None else "note"]
+        return
+    with pytest.raises(CompstiffError, match=f"CS3032.*12.4 kg weighs 122 N, and the quietest targets of the log show {said}"):
+        place_forces(log, plan, plan.cell, tare=tare)
+
+
 def test_a_mass_alone_in_the_cell_is_subtracted_with_a_warning(tmp_path) -> None:
     """tool.mass_kg, and nothing that says whether the log holds its weight, or where its zero is."""
     text = CELL.replace("250]}", "250], mass_kg: 12.4, centre_of_mass_mm: [12, -8, 143]}") + SENSOR % "bias_n: [0, 0, 0]"
@@ -520,7 +655,7 @@ def test_the_time_for_orientations_grows_with_the_rows(per_row: float) -> None:
 
 @pytest.mark.parametrize(("mass", "std", "code"), [(-4.0, 0.3, "CS3042"), (-0.1, 0.3, "CS3043"), (0.2, 0.3, "CS3043")])
 def test_stretches_of_air_that_hold_no_weight_say_so(mass: float, std: float, code: str) -> None:
-    payload: Any = Payload(np.zeros(6), np.zeros(6), mass, std, None, None, 5, 0, 1.0, 1.0, np.ones(2))
+    payload: Any = Payload(np.zeros(6), np.zeros(6), mass, std, None, None, 5, 0, 1.0, 1.0, np.ones(2), np.eye(4))
     log: Any = SimpleNamespace(source="log.csv")
     air: Any = None
     said = _estimated(payload, air, log)

@@ -221,11 +221,40 @@ def test_that_a_speed_found_may_be_that_of_the_teeth_is_said_unless_it_is_stated
     assert "CS3242" not in codes(read_force_log(path, spindle_rpm=9000))
 
 
+@pytest.mark.parametrize(("rpm", "said"), [
+    (3000, ("CS3027", "note", "forces averaged over whole revolutions of 20 ms, spindle at 3000.0 rpm (as stated)")),
+    (3010, ("CS3028", "warning", "under two samples a revolution (100 Hz at 3010 rpm): plain means were taken")),
+    (99, ("CS3027", "warning", "forces averaged over whole revolutions of 606.1 ms, spindle at 99.0 rpm (as stated)")),
+    (101, ("CS3027", "note", "forces averaged over whole revolutions of 594.1 ms, spindle at 101.0 rpm (as stated)"))])
+def test_a_stated_speed_is_used_from_two_samples_a_revolution_and_a_slow_one_doubted(
+    tmp_path: Path, rpm: float, said: tuple[str, str, str]
+) -> None:
+    force = np.random.default_rng(5).normal(0, 3, (3000, 3))
+    log = read_force_log(written(tmp_path / "a.parquet", force, 100.0), spindle_rpm=rpm)
+    assert said in [(one.code, one.level, one.message) for one in log.findings]
+    assert sum(one.code in ("CS3027", "CS3028") for one in log.findings) == 1
+    assert (log.revolution is None) == (said[0] == "CS3028")
+    assert np.array_equal(log.force, force) == (said[0] == "CS3028")
+
+
+@pytest.mark.parametrize(("count", "why"), [(1023, "the log is too short"),
+                                            (1024, "no comb of lines stands out of its spectrum")])
+def test_a_log_that_is_too_short_for_its_spectrum_is_said_to_be(tmp_path: Path, count: int, why: str) -> None:
+    log = read_force_log(written(tmp_path / "a.parquet", np.random.default_rng(5).normal(0, 3, (count, 3)), 1000.0))
+    [found] = [one for one in log.findings if one.code == "CS3028"]
+    assert (found.level, found.message) == ("note", f"spindle speed not found ({why}): plain means were taken")
+    assert "--spindle-rpm" in found.hint
+
+
 def test_a_stated_speed_without_a_rate_is_not_used_and_said(tmp_path) -> None:
     (tmp_path / "a.csv").write_text("target,fx_n,fy_n,fz_n\n0,1,2,3\n0,2,3,4\n")
     log = read_force_log(tmp_path / "a.csv", spindle_rpm=9000)
     assert log.revolution is None
-    assert "CS3028" in codes(log)
+    assert [(one.level, one.message, one.hint) for one in log.findings if one.code == "CS3028"] == [(
+        "warning", "the spindle speed 9000 rpm is stated, but not how fast the log was sampled: plain means were taken",
+        "log time_s, or state force_log.rate_hz")]
+    rated = read_force_log(tmp_path / "a.csv", ForceLogFile(rate_hz=1000), spindle_rpm=9000)
+    assert (rated.revolution, "CS3028" in codes(rated)) == (pytest.approx(1 / 150), False)
 
 
 @pytest.mark.parametrize("key", ["target", "path_mm", "position"])

@@ -27,7 +27,7 @@ from compensator.forces import time_alignment
 from compensator.forces.alignment_regression import binned, plateau_share
 from compensator.forces.program_time import ProgramTime, air_moves, program_time
 from compensator.forces.time_alignment import TimeAlignment, align
-from compensator.forces.time_log import _not_believed
+from compensator.forces.time_log import _not_believed, _placed
 from compensator.path.robot_path import robot_path
 from compensator.rapid import read_rapid
 from identification.common.findings import CompstiffError
@@ -127,6 +127,22 @@ def test_stretches_that_refuse_are_named_by_their_targets(count: int, words: str
     assert (found.code, found.level, found.file) == ("CS3061", "error", "log.csv")
     assert words in found.message
     assert ("50 % of the program alone" in found.message) == (covered < 1)
+
+
+@pytest.mark.parametrize(("rival", "words"), [(5.25, "score 41 against the best other place 5.2 s away"),
+                                              (np.inf, "and no other place is possible")])
+def test_how_surely_a_log_is_placed_by_time_is_told_in_its_units(rival: float, words: str) -> None:
+    """Half of the places are known to 0.4 mm, all but a twentieth to 2.5 mm; 1 sigma of a time is 20 ms."""
+    spread = np.r_[np.full(51, 0.4e-3), np.full(46, 2.5e-3), np.full(3, 9e-3), np.full(20, np.nan)]
+    alignment = TimeAlignment(np.zeros(120), 7.5, 0.85, 0.4, 41.2 if rival < 10 else np.inf, 0.912, rival, (), 0.1, 0.05,
+                              np.full(120, 0.02), spread, 3e-3)
+    log: Any = SimpleNamespace(source="log.csv")
+    said = _placed(log, alignment)
+    assert (said.code, said.level, said.file) == ("CS3064", "warning", "log.csv")
+    assert said.message == (
+        "placed by time alone: the program starts at 7.50 s of the log's clock, override 85.0 %, stretches slip by up to 0.40 "
+        f"s; 91 % of the force follows the program, {words}; 1 sigma of a sample's place is up to 2.5 mm, of half of them 0.4 "
+        "mm, and of its time 0.020 s")
 
 
 def test_the_best_plateau_is_the_best_of_all() -> None:

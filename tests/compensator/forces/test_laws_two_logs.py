@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from compensator.forces.placement import place_forces, read_force_log
 from compensator.forces.target_forces import TargetForces
@@ -81,7 +82,9 @@ def test_two_passes_of_one_cut_agree(path: RobotPath, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("code", "change", "words"), [
     ("CS3110", lambda shown: -shown, "the opposite sign"),
     ("CS3111", lambda shown: shown @ SWAPPED.T, "x y z of one as y x z of the other"),
-    ("CS3111", lambda shown: shown @ TURNED.T, "axes turned by 5[1-5] deg"),
+    ("CS3111", lambda shown: shown @ TURNED.T, r"axes turned by 5[1-5] deg(?! and)"),
+    ("CS3111", lambda shown: shown @ Rotation.from_euler("z", 34, degrees=True).as_matrix() * [1, 1, -1],
+     "axes turned by 3[2-6] deg and mirrored"),
     ("CS3114", lambda shown: force(np.random.default_rng(77)), "no sign, frame"),
 ])
 def test_a_log_read_wrongly_is_refused_by_name(

@@ -6,20 +6,25 @@ import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
+import compstiff
 from compensator.learned.learned import DRIFT, SETUP, JobFrame, Learned, Repeats, Rest
 from compensator.learned.learned_file import learned_json, read_learned
 from compensator.learned.remainder import Remainder
+from compensator.learning.terms import frame_of
+from compensator.path.robot_path import robot_path
 from identification.common.findings import CompstiffError, Refused
 from identification.model.cell import read_cell
 from identification.model.rotations import Frame
 from identification.model.stiffness import IdentifiedModel
+from tests.runs.command_line import user_files as kit
+from tests.runs.milling.carried_job import CarriedJob
 from tests.support import robot, write_cell
 
 PLACES, SPRINGS = 3, 6
@@ -54,6 +59,11 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     assert (back.effects, back.told, back.source) == ((), {"motion": 1.2}, file)
 
 
+def still() -> Any:
+    """External axes that stand still."""
+    return SimpleNamespace(to_rest=lambda frames, rows: frames)
+
+
 @pytest.mark.parametrize(("off_um", "turn_urad", "repeats", "said"), [
     (9.9, 9.9, "job", ""), (10.1, 0, "setup", "stands 0.0101 mm from where it was measured"),
     (0, 10.1, "job", "is turned by 0.000579 deg against it"), (2000, 0, "nothing", ""),
@@ -66,7 +76,7 @@ def test_a_set_up_repeats_where_the_work_object_stands_as_it_did(
     axis = np.array([2.0, -1, 2]) / 3
     moved = Frame(Rotation.from_rotvec(1e-6 * turn_urad * axis).as_matrix(), 1e-6 * off_um * axis[::-1])
     own, there = given.frame.base_from_object, given.frame.base_from_object @ moved
-    path: Any = SimpleNamespace(toolpath=SimpleNamespace(source="part.mod"), base_from_object=Frame(
+    path: Any = SimpleNamespace(toolpath=SimpleNamespace(source="part.mod"), axes=still(), base_from_object=Frame(
         np.array([own.rotation, there.rotation]), np.array([own.position, there.position])))
     given.check_set_up(path, np.array([0]), repeats)
     given.check_set_up(path, np.array([], dtype=np.intp), repeats)
@@ -78,6 +88,33 @@ def test_a_set_up_repeats_where_the_work_object_stands_as_it_did(
     [found] = stopped.value.findings
     assert (found.code, found.level, found.file) == ("CS5322", "error", "part.mod")
     assert found.message == f"--repeats {repeats}, but the work object {said}: this is another set-up"
+
+
+@pytest.mark.parametrize("on", ["slide", "table", "both"])
+@pytest.mark.parametrize(("moved_mm", "said"), [(0.0, ""), (0.008, ""), (0.012, "stands 0.012 mm"), (3.0, "stands 3 mm")])
+def test_a_set_up_repeats_on_a_table_that_turns_and_beside_a_robot_that_travels(
+    tmp_path: Path, on: str, moved_mm: float, said: str
+) -> None:
+    """The work object on its table, and the robot's base, are where they were at the program's first values, whatever they do
+    on the way; a part that was clamped elsewhere is another set-up."""
+    job = CarriedJob(tmp_path, "J 0,0 L 20,0 L 40,0 L 60,0", on=on, ends=np.array([[950.0, 12, -20], [940.0, 4, 30]]))
+    ready = job.job("target,fx_n,fy_n,fz_n\n1,1,1,1\n")
+    ready.program = job.program
+    ready.write()
+    cell, file = read_cell(tmp_path / "cell.yaml"), tmp_path / "part.mod"
+    path = robot_path(compstiff.read_toolpath(file, cell).toolpath, cell)
+    rows: Any = SimpleNamespace(position=path.base_from_tcp.position[1:], time=np.arange(3.0))
+    given = replace(learned(), frame=frame_of(rows, cast(Any, SimpleNamespace(path=path, targets=np.arange(1, 4)))))
+    frame = job.in_world if on == "slide" else job.on_unit
+    program = file.read_text()
+    assert program.count(frame.rapid()) == 1
+    file.write_text(program.replace(frame.rapid(), kit.Frame(frame.p + np.array([0, 0, 1e-3 * moved_mm]), frame.r).rapid()))
+    again = robot_path(compstiff.read_toolpath(file, cell).toolpath, cell)
+    if not said:
+        given.check_set_up(again, np.arange(1, 4), "job")
+        return
+    with pytest.raises(Refused, match=f"CS5322: --repeats job, but the work object {said} from where it was measured"):
+        given.check_set_up(again, np.arange(1, 4), "job")
 
 
 def test_its_numbers_are_in_the_units_of_their_names(tmp_path: Path) -> None:

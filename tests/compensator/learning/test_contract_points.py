@@ -49,6 +49,7 @@ def test_along_the_normal(folder: Path, name: str) -> None:
     assert np.allclose(points.direction, [[0, 0.6, 0.8], [0, 0, 1]])
     assert points.target.tolist() == [-1, 7]
     assert [finding.code for finding in points.findings] == ["CS5302"]
+    assert not read(folder, f"x_mm,y_mm,z_mm,nx,ny,nz,{name},std_um\n10,20,-1,0,0.6,0.8,12,3\n").findings
 
 
 @pytest.mark.parametrize(("text", "code", "line", "words"), [

@@ -686,6 +686,22 @@ def test_points_of_the_pass_without_the_offsets_are_told_from_those_with_them(mo
         assert stopped.value.findings[0].code == "CS5335"
 
 
+@pytest.mark.parametrize(("left", "sigma", "told"), [(0.49, 0.1, True), (0.51, 0.1, False), (0.0, 0.32, True),
+                                                     (0.0, 0.34, False)])
+def test_a_pass_is_another_one_where_it_leaves_half_and_the_points_see_it(left: float, sigma: float, told: bool) -> None:
+    """left: as a share of what the named pass leaves, which is 20 um; sigma of the points, as a share of the same."""
+    one = np.tile([20e-6, -20e-6], 10)
+    rows: Any = SimpleNamespace(value=one, sigma=np.full(20, 20e-6 * sigma))
+    if not told:
+        refuse_other_pass(rows, 0 * one, (left - 1) * one, "points.csv")
+        return
+    with pytest.raises(Refused) as stopped:
+        refuse_other_pass(rows, 0 * one, (left - 1) * one, "points.csv")
+    [said] = stopped.value.findings
+    assert (said.code, said.level, said.file) == ("CS5335", "error", "points.csv")
+    assert f"but for {20 * left:.1f} um, of the pass with those of --logged-with but for 20.0 um" in said.message
+
+
 @pytest.mark.parametrize(("bent", "words"), [
     (0.0, "100 % of it grow with the distance"), (0.4, "of it grow with the distance"), (1.5, "it is bent within the part")])
 def test_a_remainder_that_grows_with_the_distance_is_a_scale_and_all_else_is_bent(bent: float, words: str) -> None:

@@ -111,6 +111,22 @@ def test_points_of_targets_to_which_nothing_was_cut_are_left_out(
         str(tmp_path / "p.csv"), 12, "1 point of 11 were cut where the log shows no force: left out")] if said else [])
 
 
+@pytest.mark.parametrize("lost", [4, 5])
+def test_points_of_which_three_tenths_are_lost_are_those_of_another_part(
+    tracks: TwoTracks, tmp_path: Path, lost: int
+) -> None:
+    """Ten on the path, and these 2.5 mm beside it: 4 of 14 are 29 %, 5 of 15 are 33 %."""
+    odd = [(20.0 + k, -2.5) for k in range(lost)]
+    if lost == 4:
+        assert len(placed_beside(tracks, tmp_path / "p.csv", odd).rows) == 10
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        placed_beside(tracks, tmp_path / "p.csv", odd)
+    found, beside = stopped.value.findings
+    assert (found.code, found.level, found.file, beside.code) == ("CS5303", "error", str(tmp_path / "p.csv"), "CS5305")
+    assert found.message == "only 10 points of 15 have a place of their own on the cutting path"
+
+
 @pytest.mark.parametrize("target", [123, 124])
 def test_a_target_that_the_program_does_not_have_is_told_with_its_line(
     tracks: TwoTracks, tmp_path: Path, target: int

@@ -136,17 +136,19 @@ def test_where_nothing_was_tried_nothing_is_refused() -> None:
     refuse_worse(None, "points.csv", ())
 
 
-@pytest.mark.parametrize(("large", "level"), [(1.0, "note"), (1.01, "warning")])
-def test_set_up_and_drift_are_told_in_their_units(large: float, level: str) -> None:
-    """(40, 0, 30) um times four, a turn that moves a place at 0.1 m by 60 um, a drift of 70 um in 12 s; the rest is none."""
-    beyond = 1e-6 * np.array([160 * large, 0, 120 * large, 0, 60, 0, 0, 0, 70, 900, 900, 900])
+@pytest.mark.parametrize(("large", "turn", "level"), [(0.99, 60, "note"), (1.01, 60, "warning"), (0.5, 198, "note"),
+                                                      (0.5, 202, "warning")])
+def test_set_up_and_drift_are_told_in_their_units(large: float, turn: float, level: str) -> None:
+    """(40, 0, 30) um times four, a turn that moves a place at 0.1 m by so many um, a drift of 70 um in 12 s; no rest."""
+    beyond = 1e-6 * np.array([160 * large, 0, 120 * large, 0, turn, 0, 0, 0, 70, 900, 900, 900])
     learned = SimpleNamespace(mean=np.concatenate([np.zeros(6), beyond]), covariance=np.eye(15), springs=6, frame=JobFrame(
         Frame.identity(), np.zeros(3), 0.1, 12.0))
     learning: Any = SimpleNamespace(learned=learned, motion=Estimate(1.0, 0.01), setup_on=True, drift_on=True,
                                     held_out=object(), source="points.csv")
     set_up, drift = said_of(learning, np.eye(6), np.zeros(6))
     assert (set_up.code, set_up.level, drift.code, drift.level) == ("CS5314", level, "CS5315", "note")
-    assert f"stood {200 * large:.0f} um and 0.60 mrad" in set_up.message
+    assert f"stood {200 * large:.0f} um and {0.01 * turn:.2f} mrad" in set_up.message
+    assert bool(set_up.hint) == (level == "warning")
     assert "a drift of 70 um over the 12 s" in drift.message
 
 
@@ -217,3 +219,17 @@ def test_a_part_that_pulls_one_spring_alone_is_told(tracks: TwoTracks, tmp_path:
     points = tracks.measured(tmp_path / "points.csv", slice(None, None, 6), tracks.off_of(true), std_um=0.5)
     found = told(tracks.learn(points, model), "CS5313")
     assert [(finding.level, finding.file) for finding in found] == ([("warning", str(points))] if softer > 1 else [])
+
+
+@pytest.mark.parametrize(("factor", "std", "said"), [
+    (0.84, 0.001, "CS5328"), (0.86, 0.001, ""), (0.70, 0.049, "CS5328"), (0.70, 0.051, ""), (1.59, 0.001, ""),
+    (1.61, 0.001, "CS5336"), (1.9, 0.099, "CS5336"), (1.9, 0.101, "")])
+def test_a_factor_in_motion_that_no_robot_has_is_told_where_it_is_sure(factor: float, std: float, said: str) -> None:
+    """Surely, by three sigma, under 0.85 or over 1.6 of what the load tests let expect."""
+    learned = SimpleNamespace(mean=np.zeros(18), covariance=np.eye(15), springs=6, frame=JobFrame(
+        Frame.identity(), np.zeros(3), 0.1, 12.0))
+    learning: Any = SimpleNamespace(learned=learned, motion=Estimate(factor, std), setup_on=False, drift_on=False,
+                                    held_out=object(), source="points.csv")
+    found = said_of(learning, np.eye(6), np.zeros(6))
+    assert [(one.code, one.level, one.file) for one in found] == ([(said, "warning", "points.csv")] if said else [])
+    assert all(f"was off by {factor:.2f} +- {2 * std:.2g} (2 sigma) times" in one.message for one in found)

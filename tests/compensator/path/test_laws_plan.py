@@ -106,19 +106,6 @@ def test_a_controller_that_checks_configurations_stops(tmp_path, before: str, ow
     assert [finding.level for finding in plan.findings if finding.code == "CS4002"] == [level]
 
 
-@pytest.mark.parametrize(("base", "part", "said"), [
-    ("4.5, 0, 0", "0,0,-4.5", ["base_frame.position_mm is 4.5 mm", "the work object wPart is 4.5 mm"]),
-    ("5.5, 0, 0", "3.5,0,4.5", []), ("0, 0, 0", "0,0,0", [])])
-def test_a_frame_within_five_millimetres_of_the_worlds_origin_may_be_in_metres(tmp_path, base: str, part: str, said) -> None:
-    """Not one that is in it."""
-    cell = read_cell(write_cell(tmp_path, f"{CELL}base_frame: {{position_mm: [{base}], quaternion: [1, 0, 0, 0]}}\n"))
-    data = f"PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[{part}],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n"
-    text = f"MODULE M\n{data}PROC main()\n{joint([10.0, 20, 30, 40, 50, 60])[:-1]}\\WObj:=wPart;\nENDPROC\nENDMODULE\n"
-    found = [one for one in robot_path(read_rapid(text.encode(), "m.mod").toolpath, cell).findings if one.code == "CS0118"]
-    assert [one.message for one in found] == [f"{words} from the world's origin: is it in metres?" for words in said]
-    assert [one.line for one in found] == ([None, 2] if said else [])
-
-
 def test_a_polyline_has_a_point_every_three_degrees_of_an_arc() -> None:
     """A quarter of a circle, to its middle and on to its end, and the line before it as it is."""
     angle = np.radians([0.0, 45, 90])
@@ -131,3 +118,29 @@ def test_a_polyline_has_a_point_every_three_degrees_of_an_arc() -> None:
 def test_a_target_a_thousand_kilometres_away_is_on_no_path() -> None:
     far = np.array([[0, 0, 0], [0.99e6, 0, 0], [0, -1.01e6, 0], [0, 0, 0.0]])
     assert_allclose(arc_length(far, np.full(4, Move.LINEAR, dtype=np.uint8)), [0, 0.99e6, np.nan, 1.98e6])
+
+
+@pytest.mark.parametrize(("away_mm", "said"), [(4.9, True), (5.1, False), (0.0, False)])
+@pytest.mark.parametrize("stated", ["base_frame", "workobject", "program"])
+def test_a_frame_within_five_millimetres_of_the_world_is_in_metres(
+    tmp_path: Path, stated: str, away_mm: float, said: bool
+) -> None:
+    """The robot's base, the program's work object, and that of cell.yaml where a program names one that it does not declare;
+    the latter counts for nothing where none is taken from there."""
+    place, cell = f"[0, {away_mm}, 0]", write_cell(tmp_path)
+    if stated != "program":
+        cell.write_text(cell.read_text() + f"\n{stated}: {{position_mm: {place}}}\n")
+    declared = f'PERS wobjdata wPart:=[FALSE,TRUE,"",[{place},[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n' * (stated == "program")
+
+    def told(of_object: str) -> list[tuple[str, str | None, int | None]]:
+        move = linear([10.0, 20, 30, 40, 50, 60]).replace("tSpindle;", f"tSpindle{of_object};")
+        text = f"MODULE M\n{declared}PROC main()\n{move}\nENDPROC\nENDMODULE\n"
+        found = robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(cell)).findings
+        return [(one.message, one.file, one.line) for one in found if one.code == "CS0118"]
+
+    name, file, line = {"base_frame": ("base_frame.position_mm", str(cell), None),
+                        "workobject": ("workobject.position_mm", str(cell), None),
+                        "program": ("the work object wPart", "m.mod", 2)}[stated]
+    expected = [(f"{name} is {away_mm:g} mm from the world's origin: is it in metres?", file, line)] if said else []
+    assert told("\\WObj:=wPart") == expected
+    assert told("") == (expected if stated == "base_frame" else [])
