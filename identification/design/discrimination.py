@@ -25,6 +25,7 @@ from identification.design.sheet import DWELL_S
 from identification.design.task import Demand, Task
 from identification.diagnosis.blocks import in_blocks
 from identification.diagnosis.discrimination import Rivals, Separation, discriminating, planned_rows, rivals_of, separation
+from identification.diagnosis.judgement import Verdict
 from identification.diagnosis.naming import converged
 from identification.diagnosis.record import FORMAT
 from identification.diagnosis.share import share_of
@@ -121,7 +122,7 @@ class _Visits(BaseModel):
 class _DiagnosisFile(BaseModel):
     """What of diagnosis.json counts for the next loads."""
 
-    verdict: str
+    verdict: Verdict
     alternatives: list[_Rival] = []
     causes: list[_Cause] = []
     visits: _Visits | None = None
