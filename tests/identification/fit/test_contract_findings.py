@@ -105,15 +105,17 @@ def test_many_rows_that_count_little_are_one_finding_with_the_worst_in_front(fit
     assert {(one.code, one.level, one.file) for one in told} <= {("CS1015", "warning", fit.measurements.source)}
     if count == 21:
         assert [(one.message, one.line) for one in told] == [
-            (f"21 of {len(weight)} rows do not fit the others and count less than 30 % of an ordinary one each; the worst in lines "
-             + ", ".join(map(str, lines[:20])), lines[0])]
+            (f"21 of {len(weight)} rows do not fit the others and count less than 30 % of an ordinary one each; the worst in "
+             f"lines {', '.join(map(str, lines[:20]))}", lines[0])]
     else:
         assert [one.line for one in told] == lines[:count].tolist()
-        assert [one.message for one in told[:1]] == ["this row does not fit the others and counts 2 % of an ordinary one"][:count]
+        assert [one.message for one in told[:1]] == [
+            "this row does not fit the others and counts 2 % of an ordinary one"][:count]
 
 
 @pytest.mark.parametrize(("factors", "said"), [
-    ((1.0,) * 6, ""), ((11.4,) * 6, ""), ((11.9,) * 6, "a factor 11.9 to 11.9 off"), ((1 / 30,) * 5 + (1.0,), "a factor 0.0333 to 1 off"),
+    ((1.0,) * 6, ""), ((11.4,) * 6, ""), ((11.9,) * 6, "a factor 11.9 to 11.9 off"),
+    ((1 / 30,) * 5 + (1.0,), "a factor 0.0333 to 1 off"),
     ((99.0,) * 6, "a factor 99 to 99 off"), ((101.0,) * 6, "refused"), ((101.0,) * 5 + (99.0,), "a factor 99 to 101 off"),
     ((1 / 99,) * 6, "a factor 0.0101 to 0.0101 off"), ((1 / 101,) * 6, "refused")])
 def test_springs_far_off_the_prior_are_said_and_a_common_factor_of_a_hundred_is_a_unit(
@@ -135,9 +137,9 @@ def test_springs_far_off_the_prior_are_said_and_a_common_factor_of_a_hundred_is_
         return
     p_value = float(chi2.sf(np.sum(np.log(factors) ** 2) / np.log(5), 6))
     assert (p_value < 1e-3) == bool(said)
+    told = f"the stiffnesses lie {said} the prior's medians, which it gives a probability of {p_value:.1g}"
     assert [(one.code, one.level, one.message) for one in _against_prior(off, grades)] == [
-        ("CS1017", "warning", f"the stiffnesses lie {said} the prior's medians, which it gives a probability of {p_value:.1g}")][
-            : bool(said)]
+        ("CS1017", "warning", told)][: bool(said)]
 
 
 @pytest.mark.parametrize(("weak", "warned", "headline", "says"), [

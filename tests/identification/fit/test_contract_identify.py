@@ -218,8 +218,8 @@ def test_data_against_the_prior(tmp_path) -> None:
 @pytest.mark.parametrize(("share", "said"), [
     (0.45, set()), (0.55, {"CS1019"}), (0.58, {"CS1019"}), (0.62, {"CS1019", "CS1021"})])
 def test_validation_rows_between_fit_and_prior_are_held_against_both(tmp_path, share: float, said: set[str]) -> None:
-    """Rows that lie this share of the way from the true springs' prediction to the prior's: nearer to the prior it is said, half
-    as far again the model is rejected."""
+    """Rows that lie this share of the way from the true springs' prediction to the prior's: nearer to the prior it is said,
+    half as far again the model is rejected."""
     cell, rows = simulate(tmp_path, np.random.default_rng(9), poses=16)
     true, prior = (equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, 1 / k).position
                    for k in (TRUE, cell.prior.stiffness))
@@ -230,8 +230,8 @@ def test_validation_rows_between_fit_and_prior_are_held_against_both(tmp_path, s
     apart = 1e6 * np.sqrt(np.mean((prior - true)[kept] ** 2))
     if said:
         told = next(finding.message for finding in fit.findings if finding.code == "CS1019")
-        numbers = re.fullmatch(r"on the validation rows the identified stiffnesses are off by (\S+) um RMS, the prior's by (\S+) um",
-                               told)
+        numbers = re.fullmatch(r"on the validation rows the identified stiffnesses are off by (\S+) um RMS, "
+                               r"the prior's by (\S+) um", told)
         assert numbers
         assert [float(one) for one in numbers.groups()] == pytest.approx([share * apart, (1 - share) * apart], rel=0.05)
 
