@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
-from identification.common.findings import Finding, error
+from identification.common.findings import Finding, error, verb
 from identification.design.certificate import certify
 from identification.design.domain import Pool, random_pool
 from identification.design.exchange import many_exchanges
@@ -79,7 +79,7 @@ class Discrimination:
     def lines(self) -> list[str]:
         """In plain words."""
         rivals = ", ".join(f"{name} {p:.2f}" for name, p in zip(self.names, self.probability, strict=True))
-        lines = [f"{self.runs} of the runs were chosen to tell apart: {rivals}",
+        lines = [f"{self.runs} of the runs {verb(self.runs, 'were')} chosen to tell apart: {rivals}",
                  f"the wrong one of these is named with a probability of {_share(self.after)} at most afterwards "
                  f"(without them {_share(self.before)}), if one of them is the truth"]
         lines += [f"  {first} and {second} stay alike: {sigmas:.1f} sigma apart" for first, second, sigmas in self.pairs
