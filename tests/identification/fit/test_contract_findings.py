@@ -13,7 +13,7 @@ import pytest
 from scipy.stats import chi2
 
 from identification.common.findings import CompstiffError, Finding
-from identification.fit.fit import Fit, _against_prior, _light_rows, fit_stiffness
+from identification.fit.fit import Fit, _against_prior, _light_rows, _other_noise, fit_stiffness
 from identification.fit.mending import BadVisit, Mend
 from identification.fit.report import identification_report
 from identification.fit.visits import VisitScore
@@ -93,6 +93,24 @@ def test_readings_that_remember_each_other_are_said(tmp_path: Path, memory: floa
 def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
     cell, rows = simulate(tmp_path_factory.mktemp("fit"), np.random.default_rng(5), poses=8)
     return fit_stiffness(cell, rows)
+
+
+@pytest.mark.parametrize(("ratio", "readings", "code", "said"), [
+    (0.24, 36, "CS1042", "the residual is 0.24 times what the stated noise allows; the intervals use the estimated noise, "
+     "which does not trust so small a one"),
+    (0.26, 36, "", ""), (0.24, 30, "CS1042", ""), (0.24, 29, "", ""), (1.0, 36, "", ""), (1.98, 36, "", ""),
+    (2.04, 36, "CS1013", "the residual is 2.0 times what the stated noise allows; estimated: sensor 1.5 times the stated, "
+     "re-seating 8 um a pose; the intervals use the estimated noise")])
+def test_a_residual_that_the_stated_noise_does_not_explain_is_said(
+    fit: Fit, ratio: float, readings: int, code: str, said: str,
+) -> None:
+    """Chi-squared under the stated noise, a reading that is left beside the six springs; a small one where there are enough."""
+    source = fit.measurements.source
+    found = _other_noise(SimpleNamespace(
+        data=fit.posterior.data, chi2=ratio**2 * (readings - 6), readings=readings, components=SimpleNamespace(
+            sensor=1.5, offset=2.0), at_map=SimpleNamespace(noise=SimpleNamespace(offset=np.array([3e-6, 4e-6, 5e-6])))))
+    assert [(one.code, one.level, one.file) for one in found] == [(code, "warning", source)][: bool(code)]
+    assert not said or found[0].message == said
 
 
 @pytest.mark.parametrize("count", [0, 20, 21])
