@@ -144,8 +144,9 @@ def _limits(robot: RobotModel) -> Checked:
     share = float(np.mean((robot.limit_excess(tried) == 0).all(axis=1)))
     found = []
     if share < LEAST_SHARE:
-        found.append(_finding(robot, "CS0068", f"the window of the coupled angle leaves {100 * share:.2g} % of what the joints' limits "
-                              "allow", "check window_deg, ratio and the limits of the two joints: they do not belong together"))
+        found.append(_finding(robot, "CS0068", f"the window of the coupled angle leaves {100 * share:.2g} % of what the "
+                              "joints' limits allow", "check window_deg, ratio and the limits of the two joints: they do not "
+                              "belong together"))
     return Checked("limits", words + (f" deg; {share:.0%} of it inside the window" if robot.window else " deg"), tuple(found))
 
 
