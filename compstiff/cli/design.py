@@ -119,7 +119,7 @@ def design(
     following = f"save it as {filled}, then " + call("identify", cell_file, filled, "-o",
                                                            output.with_name("stiffness.json"))
     if measured_file:
-        again = call("diagnose", cell_file, measured_file, "-o", "diagnosis.json")
+        again = call("diagnose", cell_file, measured_file, "-o", diagnosis or "diagnosis.json", "--force")
         following = f"append the rows to {measured_file}, then {again}"
     return Outcome(content, (*plan.findings, *(program.findings if program else ())), plan.lines(),
                    next_step=f"measure it, fill in dx_um dy_um dz_um, {following}")

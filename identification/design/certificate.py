@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.findings import counted
 from identification.design.approximate import ApproximateDesign, maximisers, solved_on_pool
 from identification.design.domain import Pool
 from identification.design.task import Demand, Task
@@ -71,7 +72,7 @@ class Certificate:
         """What is certified, with its condition."""
         return (f"at least {_percent(self.efficiency)} % efficient against every plan with as many runs and the same loads and "
                 f"place, over continuous poses (equivalence theorem, poses as fractions{self._numbers}; its maxima were "
-                f"searched from {self.starts} starts, not proved)")
+                f"searched from {counted(self.starts, 'start')}, not proved)")
 
     @property
     def _numbers(self) -> str:

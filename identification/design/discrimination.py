@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
-from identification.common.findings import Finding, error
+from identification.common.findings import Finding, error, verb
 from identification.design.certificate import certify
 from identification.design.domain import Pool, random_pool
 from identification.design.exchange import many_exchanges
@@ -25,6 +25,7 @@ from identification.design.sheet import DWELL_S
 from identification.design.task import Demand, Task
 from identification.diagnosis.blocks import in_blocks
 from identification.diagnosis.discrimination import Rivals, Separation, discriminating, planned_rows, rivals_of, separation
+from identification.diagnosis.judgement import Verdict
 from identification.diagnosis.naming import converged
 from identification.diagnosis.record import FORMAT
 from identification.diagnosis.share import share_of
@@ -78,7 +79,7 @@ class Discrimination:
     def lines(self) -> list[str]:
         """In plain words."""
         rivals = ", ".join(f"{name} {p:.2f}" for name, p in zip(self.names, self.probability, strict=True))
-        lines = [f"{self.runs} of the runs were chosen to tell apart: {rivals}",
+        lines = [f"{self.runs} of the runs {verb(self.runs, 'were')} chosen to tell apart: {rivals}",
                  f"the wrong one of these is named with a probability of {_share(self.after)} at most afterwards "
                  f"(without them {_share(self.before)}), if one of them is the truth"]
         lines += [f"  {first} and {second} stay alike: {sigmas:.1f} sigma apart" for first, second, sigmas in self.pairs
@@ -121,7 +122,7 @@ class _Visits(BaseModel):
 class _DiagnosisFile(BaseModel):
     """What of diagnosis.json counts for the next loads."""
 
-    verdict: str
+    verdict: Verdict
     alternatives: list[_Rival] = []
     causes: list[_Cause] = []
     visits: _Visits | None = None

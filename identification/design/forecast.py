@@ -20,9 +20,9 @@ from identification.fit.identifiability import RELIABLE_LOG_STD, TRADE_OFF, UNSE
 from identification.measurements import Measurements
 
 Array = NDArray[np.float64]
-# docs/benchmarks/stiffness.md, "What a plan promises": 38 of 45.
 # So many causes that are not told apart are named.
 MOST_ALIKE = 6
+# docs/benchmarks/stiffness.md, "What a plan promises": 38 of 45.
 BORNE_OUT = "An independent simulation kept 8 in 10 of such promises"
 
 

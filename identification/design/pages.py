@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from identification.common.chart import AXIS_COLOURS, Axis, Bars, Figure, Line, Panel, Points, Series
 from identification.common.command_line import call
+from identification.common.findings import counted
 from identification.common.quantities import parameter_words, two_sigma
 from identification.common.report import Key, Page, ReportTable, Step, Verdict, View, count_words, render
 from identification.common.scene import SpaceLine, scene
@@ -36,7 +37,7 @@ def design_report(plan: DesignPlan, program: RapidProgram | None = None) -> str:
     if isinstance(plan.aim, Discrimination):
         tables.insert(1, _pairs(plan.aim))
     findings = (*plan.findings, *(program.findings if program else ()))
-    return render(Page(f"Measurement plan: {len(design.task.demand)} runs, criterion {plan.criterion}",
+    return render(Page(f"Measurement plan: {counted(len(design.task.demand), 'run')}, criterion {plan.criterion}",
                        _verdict(plan, count_words(findings, "error", "warning")), _keys(plan), _steps(plan),
                        [*plan.worth(tables=True), "Collisions were not checked: drive the poses in manual mode first."],
                        tables, [_arms(design.task.domain, plan.sheet)], figures, findings, plan.as_dict()))
@@ -50,9 +51,9 @@ def _verdict(plan: DesignPlan, doubts: str) -> Verdict:
         known = f"{', '.join(weak)} will not be known well, the others will"
     told = f" It names {plan.forecast.counts['identifiable']} of {len(plan.forecast.causes)} possible causes." * (
         plan.criterion == "C")
-    sentence = (f"{len(plan.sheet.label)} poses, about {plan.sheet.time[-1] / 60:.0f} min: {known}.{told} At least "
+    sentence = (f"{counted(len(plan.sheet.label), 'pose')}, about {plan.sheet.time[-1] / 60:.0f} min: {known}.{told} At least "
                 f"{np.floor(efficiency):.0f} % as good as any plan of this length with the same loads"
-                f"{' by the stiffnesses alone' if told else ''}.")
+                f"{'' if plan.aim is None else ' by the stiffnesses alone'}.")
     if len(weak) == 6:
         return Verdict("bad", "THIS PLAN TELLS NO STIFFNESS WELL", sentence)
     if weak or doubts:
@@ -68,7 +69,7 @@ def _keys(plan: DesignPlan) -> list[Key]:
     minutes, efficiency = plan.sheet.time[-1] / 60, np.floor(100 * plan.design.certificate.efficiency)
     keys = [Key("poses", f"{len(plan.sheet.label)}", "", f"{len(plan.sheet.visit)} rows, about {minutes:.0f} min"),
             Key("least certain afterwards", f"k{worst.joint}", "", f"{spread(worst.after)} (2 sigma)"),
-            Key("of the best possible", f"{efficiency:.0f}", "%", "at least, by its certificate" if plan.criterion != "C" else
+            Key("of the best possible", f"{efficiency:.0f}", "%", "at least, by its certificate" if plan.aim is None else
                 "at least, by the stiffnesses alone"),
             Key("causes it can name", f"{counts.get('identifiable', 0)}", "",
                 f"of {len(plan.forecast.causes)}, at their typical size")]
@@ -83,7 +84,8 @@ def _steps(plan: DesignPlan) -> list[Step]:
     cell = plan.design.task.domain.rig.cell.source
     if plan.further:
         return [Step("Drive the poses in manual mode first: collisions were not checked. Measure them, append the rows to your "
-                     "measurements, and diagnose again:", call("diagnose", cell, "measurements.csv", "-o", "diagnosis.json"))]
+                     "measurements, and diagnose again:",
+                     call("diagnose", cell, "measurements.csv", "-o", "diagnosis.json", "--force"))]
     return [Step("Drive the poses in manual mode first: collisions were not checked. Measure, fill in dx_um dy_um dz_um of "
                  "the plan, save it as measurements.csv, then:",
                  call("identify", cell, "measurements.csv", "-o", "stiffness.json", "--report", "identify.html"))]
@@ -191,7 +193,7 @@ def _certificate(design: Design) -> Figure:
 
 def _by_length(expected: Forecast) -> Figure:
     stds = [100 * two_sigma(std) for std in expected.stds]
-    labels = [f"{runs} runs: {std:.2g} %" for runs, std in zip(expected.runs, stds, strict=True)]
+    labels = [f"{counted(runs, 'run')}: {std:.2g} %" for runs, std in zip(expected.runs, stds, strict=True)]
     series: list[Series] = [Line("", expected.runs, stds, "before"), Points("", expected.runs, stds, "before", labels=labels)]
     return Figure("More or fewer runs", "Largest uncertainty of a stiffness after plans of other lengths, from the same search "
                   "without refinement.", [Panel(series, Axis("runs"), Axis("2 sigma of ln k [%]", log=True))])

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from identification.common.findings import Finding
+from identification.common.findings import Finding, counted
 from identification.design.causes import ByCauses
 from identification.design.comparison import Comparison
 from identification.design.discrimination import Discrimination
 from identification.design.forecast import Forecast
+from identification.design.loads import AXES
 from identification.design.program import RapidProgram, rapid_program
 from identification.design.request import Prepared
 from identification.design.search import Design
@@ -98,8 +99,8 @@ class DesignPlan:
         sheet, criterion = self.sheet, self.criterion
         kept = int(sheet.validate.sum())
         lines = [
-            f"{len(sheet.label)} poses" + (f" ({kept} of them never fitted)" if kept else "")
-            + f", {len(sheet.visit)} rows, about {sheet.time[-1] / 60:.0f} min; {self.prepared.place}"]
+            counted(len(sheet.label), "pose") + (f" ({kept} of them never fitted)" if kept else "")
+            + f", {counted(len(sheet.visit), 'row')}, about {sheet.time[-1] / 60:.0f} min; {self.prepared.place}"]
         if sheet.hung:
             lines.append(f"{sheet.lifted_kg:g} kg are lifted in all to hang the weights on and take them off; every pose "
                          "begins and ends without them")
@@ -120,8 +121,9 @@ class DesignPlan:
         causes = self.forecast.cause_lines(", with what was measured before," if self.further else "")
         lines += causes[:1] if tables else causes
         if self.aim is None and 2 * self.forecast.counts["identifiable"] < len(self.forecast.causes):
-            lines.append("most causes would stay without a name: --criterion C plans for them, most in a --box; --every-axis "
-                         "names more at each pose")
+            axes = [slot.name for slot in self.design.task.domain.slots]
+            lines.append("most causes would stay without a name: --criterion C plans for them, most in a --box" + (
+                "; --every-axis names more at each pose" if len(axes) > 1 and set(axes) <= set(AXES) else ""))
         return lines + (self.forecast.length_lines() if self.aim is None else [])
 
     @property
@@ -145,7 +147,7 @@ class DesignPlan:
         task = self.design.task
         kept = int(self.sheet.validate.sum())
         lines = [
-            f"Measurement plan by compstiff design, {len(task.demand)} runs"
+            f"Measurement plan by compstiff design, {counted(len(task.demand), 'run')}"
             + (f" and {kept} that are never fitted (purpose validate)" if kept else "")
             + f", criterion {self.criterion}; {self.prepared.place}",
             self.certified,

@@ -123,7 +123,7 @@ def prepare(cell: Cell, request: Request, milling: MillingPoses | None) -> Prepa
     task = Task(domain, criterion, precision, demand, request.replicates)
     plainer = None
     if request.free or request.preset == "outlook":
-        other = replace(request, free=False, preset="paper" if request.preset else None)
+        other = replace(request, preset="paper", measurements=None) if request.preset else replace(request, free=False)
         slots, demand = _runs(cell, other)
         words = "the paper's plan" if request.preset else "as many runs with loads along base axes"
         plainer = replace(task, domain=replace(domain, slots=slots), demand=demand), words

@@ -195,7 +195,7 @@ def _bad_row_line(bad: BadRow) -> str:
 
 
 def _bad_visit_line(bad: BadVisit, said: str) -> str:
-    return f"{said}: {sentence(bad)}; they were left out. {mending(bad)}"
+    return f"{said}: {sentence(bad)}; {'it was' if len(bad.score.rows) == 1 else 'they were'} left out. {mending(bad)}"
 
 
 def value(item: dict[str, Any]) -> str:

@@ -27,12 +27,11 @@ from identification.formats.force_samples import ForceSamples
 Array = NDArray[np.float64]
 CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 END = "***End_of_Header***"
-# Units that a file may state, and what makes newtons or newton metres of them.
+# Units that a file may state, without the sign between their factors, and what makes newtons or newton metres of them.
 NEWTONS = {"N": 1.0, "Newton": 1.0, "Newtons": 1.0, "newton": 1.0, "newtons": 1.0, "kN": 1e3, "mN": 1e-3,
-           "lbf": 4.4482216152605}
-NEWTON_METRES = {"Nm": 1.0, "N*m": 1.0, "Newton*meter": 1.0, "Newton*meters": 1.0, "kNm": 1e3, "kN*m": 1e3, "Nmm": 1e-3,
-                 "N*mm": 1e-3, "mNm": 1e-3, "mN*m": 1e-3, "Ncm": 1e-2, "N*cm": 1e-2, "lbf*ft": 1.3558179483314,
-                 "lbf*in": 0.1129848290276}
+           "lbf": 4.4482216152605, "kgf": 9.80665}
+NEWTON_METRES = {"Nm": 1.0, "Newtonmeter": 1.0, "Newtonmeters": 1.0, "kNm": 1e3, "Nmm": 1e-3, "mNm": 1e-3, "Ncm": 1e-2,
+                 "lbfft": 1.3558179483314, "lbfin": 0.1129848290276, "kgfm": 9.80665, "kgfcm": 0.0980665, "kgfmm": 0.00980665}
 # Names of channels that are none, whatever they are chosen for.
 NO_LOAD = re.compile(r"tach|rpm|speed|drehzahl", re.IGNORECASE)
 # A step between blocks that is longer than this many samples is a gap.
@@ -93,7 +92,7 @@ def _scale(segment: Segment, place: list[int], name: str, findings: list[Finding
     for k, column in enumerate(place):
         channel, unit = segment.names[column], segment.units[column]
         what, known = ("a force", NEWTONS) if k < 3 else ("a moment", NEWTON_METRES)
-        told = unit.replace("\N{MIDDLE DOT}", "*").replace(" ", "").replace("-", "*").rstrip(".")
+        told = re.sub(r"[\s*\N{MIDDLE DOT}-]", "", unit).rstrip(".")
         if (unit and told not in known) or NO_LOAD.search(channel):
             raise error("CS1612", f"channel {channel} is {f'in {unit}' if unit else 'a speed by its name'}, not {what}",
                         file=name, hint="volts need the sensor's calibration: log newtons, or scale the columns and give "

@@ -144,8 +144,9 @@ def _limits(robot: RobotModel) -> Checked:
     share = float(np.mean((robot.limit_excess(tried) == 0).all(axis=1)))
     found = []
     if share < LEAST_SHARE:
-        found.append(_finding(robot, "CS0068", f"the window of the coupled angle leaves {share:.1%} of what the joints' limits "
-                              "allow", "check window_deg, ratio and the limits of the two joints: they do not belong together"))
+        found.append(_finding(robot, "CS0068", f"the window of the coupled angle leaves {100 * share:.2g} % of what the "
+                              "joints' limits allow", "check window_deg, ratio and the limits of the two joints: they do not "
+                              "belong together"))
     return Checked("limits", words + (f" deg; {share:.0%} of it inside the window" if robot.window else " deg"), tuple(found))
 
 
@@ -250,8 +251,8 @@ def _pose(robot: RobotModel, number: int, pose: PoseFile) -> Checked:
                 f"tolerance {pose.tolerance_deg:g} deg", "check offset_deg and sense of joints 4 to 6"))
     outside = robot.limit_excess(theta)[0]
     if (outside > 1e-9).any():
-        joints = [str(j + 1) if j < 6 else "window" for j in np.flatnonzero(outside > 1e-9)]
-        findings.append(_finding(robot, "CS0067", f"pose {number} is outside the limits of the file: joint {', '.join(joints)}",
+        which = [f"joint {j + 1}" if j < 6 else "the window of the coupled angle" for j in np.flatnonzero(outside > 1e-9)]
+        findings.append(_finding(robot, "CS0067", f"pose {number} is outside the limits of the file: {', '.join(which)}",
                                  "the limits or the pose are of another variant, or counted otherwise", "warning"))
     if pose.source is None:
         findings.append(_unsourced(robot, f"poses[{number - 1}].source"))

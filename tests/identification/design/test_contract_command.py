@@ -21,7 +21,8 @@ from compstiff.cli.design import design
 from compstiff.cli.diagnose import diagnose
 from identification.common.findings import CompstiffError
 from identification.design import procedure
-from identification.design.discrimination import Diagnosed
+from identification.design.causes import ByCauses
+from identification.design.discrimination import Diagnosed, Discrimination
 from identification.design.domain import Domain
 from identification.design.forecast import Forecast, JointForecast
 from identification.design.information import instrument
@@ -32,7 +33,7 @@ from identification.design.pages import design_report
 from identification.design.plan import DesignPlan
 from identification.design.procedure import design_plan
 from identification.design.program import _identifier
-from identification.design.request import Request
+from identification.design.request import Request, prepare
 from identification.design.search import Effort, optimal_design
 from identification.diagnosis.plan import judge_plan
 from identification.fit.fit import fit_stiffness
@@ -461,6 +462,138 @@ def test_a_program_none_of_whose_targets_counts_is_refused(
     found, = stopped.value.findings
     why = "none of the 3 targets is reached by the robot" + (" with a force on the tool" if forces else "")
     assert str(found).splitlines()[0] == f"{program}: error CS1602: {why}"
+
+
+@pytest.mark.parametrize(("asked", "slots", "runs", "plainer", "against"), [
+    ({"preset": "paper"}, ["yx", "y", "x"], [0, 1, 1, 2], None, ""),
+    ({"preset": "outlook"}, ["xyz"], [0] * 4, (["yx", "y", "x"], [0, 1, 1, 2]), "the paper's plan"),
+    ({"preset": "outlook", "measurements": 7}, ["xyz"], [0] * 7, (["yx", "y", "x"], [0, 1, 1, 2]), "the paper's plan"),
+    ({"free": True, "measurements": 2}, ["free"], [None] * 2, (["x", "y", "z"], [None] * 2),
+     "as many runs with loads along base axes"),
+    ({"axes": "xz", "measurements": 2}, ["x", "z"], [None] * 2, None, ""),
+    ({"axes": "xz", "measurements": 2, "every_axis": True}, ["xz"], [None] * 2, None, "")])
+def test_the_loads_are_those_that_were_asked_for_and_what_they_are_held_against(
+    cell, asked, slots, runs, plainer, against,
+) -> None:
+    """The paper's plan: four orientations, y at three and x at two of them, one of them under both."""
+    task, other = (prepared := prepare(cell, Request(**asked), None)).task, prepared.plainer
+    assert [slot.name for slot in task.domain.slots] == slots
+    assert len(task.demand) == len(runs)
+    assert None in runs or task.demand.groups[task.demand.wanted].tolist() == runs
+    assert (task.criterion.name == "A in raw k") is ("preset" in asked)
+    assert (other is None) is (plainer is None)
+    if other:
+        assert ([slot.name for slot in other[0].domain.slots], len(other[0].demand), other[1]) == (
+            plainer[0], len(plainer[1]), against)
+
+
+FORECAST = Forecast(tuple(JointForecast(joint, 2.0, 0.05, "reliable", 0, 0.0) for joint in range(1, 7)), (), {}, (1, 2),
+                    (1.0, 2.0), (0.06, 0.05))
+
+
+@pytest.fixture(scope="module")
+def little(cell) -> DesignPlan:
+    """A plan of two runs, searched in no time; what it will tell is invented."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(procedure, "QUICK", LITTLE)
+        patch.setattr(procedure, "forecast", lambda *of: FORECAST)
+        return design_plan(cell, Request(measurements=2, axes="y", protocol="single"), quick=True)
+
+
+def words_of(page: str) -> str:
+    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", page)).replace("\xa0", " ").split())
+
+
+RIVALS = Discrimination(("backlash[2]", "soft_zone[2]", "creep"), np.array([0.61, 0.3, 0.09]), 0.39, 0.12, 1, (
+    ("backlash[2]", "soft_zone[2]", 0.96), ("backlash[2]", "creep", 1.04), ("soft_zone[2]", "creep", 3.3)))
+
+
+@pytest.mark.parametrize(("after", "share", "doubtful"), [
+    (0.12, "12 %", True), (0.101, "10 %", True), (0.099, "10 %", False), (0.0101, "1 %", False), (0.0099, "under 1 %", False)])
+def test_runs_for_rival_causes_say_what_they_decide(little: DesignPlan, after: float, share: str, doubtful: bool) -> None:
+    """Pairs under one sigma stay alike; over a tenth of wrong names it is said what else may help. The certificate is of what
+    they were not chosen for, in the terminal, in the table's head and in the report."""
+    plan = replace(little, aim=replace(RIVALS, after=after), further=True)
+    told = ["1 of the runs was chosen to tell apart: backlash[2] 0.61, soft_zone[2] 0.30, creep 0.09",
+            f"the wrong one of these is named with a probability of {share} at most afterwards (without them 39 %), if one of "
+            "them is the truth", "  backlash[2] and soft_zone[2] stay alike: 1.0 sigma apart"]
+    help_words = "  more runs, more room (--box), --direction free or the checks that the diagnosis names may settle more"
+    told += [help_words] * doubtful
+    lines = plan.lines()
+    at = lines.index(told[0])
+    assert lines[at: at + len(told) + 1] == [*told, next(line for line in lines if line.startswith("criterion D"))]
+    assert lines[at + len(told) + 1].startswith("by criterion D alone, for which they were not chosen, the runs are at least ")
+    assert not any(line.startswith(("most causes would", "largest uncertainty of a stiffness")) for line in lines)
+    head = [line[2:] for line in plan.csv().decode().splitlines() if line.startswith("# ")]
+    assert head[-len(told) - 1:] == [
+        "Append the rows to what was measured before, then diagnose again.", *map(str.strip, told)]
+    assert plan.as_dict()["settles"] == {
+        "rivals": [{"name": "backlash[2]", "probability": 0.61}, {"name": "soft_zone[2]", "probability": 0.3},
+                   {"name": "creep", "probability": 0.09}], "wrong_name_at_most": {"before": 0.39, "after": after}, "runs": 1,
+        "pairs": [{"rivals": ["backlash[2]", "soft_zone[2]"], "expected_sigmas": 0.96},
+                  {"rivals": ["backlash[2]", "creep"], "expected_sigmas": 1.04},
+                  {"rivals": ["soft_zone[2]", "creep"], "expected_sigmas": 3.3}]}
+    page = words_of(design_report(plan))
+    assert "Which causes it tells apart" in page
+    assert ("one other expected difference [sigma] backlash[2] soft_zone[2] 1.0 backlash[2] creep 1.0 soft_zone[2] creep 3.3"
+            in page)
+    assert "as good as any plan of this length with the same loads by the stiffnesses alone." in page
+    assert "at least, by the stiffnesses alone" in page
+    assert "diagnose again: compstiff diagnose" in page
+    assert "measurements.csv -o diagnosis.json --force" in page
+
+
+def test_runs_for_all_causes_say_what_they_tell(little: DesignPlan) -> None:
+    plan = replace(little, aim=ByCauses(61.6, 0.749, 212, np.log(1.5) / 2, 14, np.log(3) / 2))
+    assert plan.as_dict()["by_causes"] == {
+        "bits": 61.6, "share_of_best_in_pool": 0.749, "pool": 212, "largest_log_std": np.log(1.5) / 2,
+        "by_d": {"causes_named": 14, "largest_log_std": np.log(3) / 2}}
+    lines = plan.lines()
+    at = lines.index("62 bits about stiffnesses and causes, at least 74 % of what as many out of 212 runs drawn at random "
+                     "could tell (equivalence theorem, poses as fractions)")
+    assert lines[at + 1] == ("as many runs by criterion D name 14 causes of typical size and know the least known stiffness "
+                             "within a factor 3; these know it within a factor 1.5, their causes stand below")
+    assert lines[at - 1].startswith("criterion C: what the runs tell of the six stiffnesses and of every cause")
+    assert lines[at + 2].startswith("by criterion D alone, for which they were not chosen, the runs are ")
+    page = words_of(design_report(plan))
+    assert "It names 0 of 0 possible causes. At least " in page
+    assert "by the stiffnesses alone." in page
+
+
+@pytest.mark.parametrize(("axes", "said"), [
+    ("xz", True), ("x", False), (("xz",), False), (("free",), False), (("yx", "y", "x"), False)])
+def test_every_axis_is_advised_where_it_can_be_taken(little: DesignPlan, axes, said: bool) -> None:
+    """Not of plans that have it, and not of those whose other options exclude it."""
+    task = little.design.task
+    slots = tuple(replace(task.domain.slots[0], name=name) for name in axes)
+    causes = (SimpleNamespace(grade="invisible", alike=()),)
+    plan = replace(little, forecast=replace(FORECAST, causes=causes), design=replace(
+        little.design, task=replace(task, domain=replace(task.domain, slots=slots))))
+    (told,) = [line for line in plan.worth(tables=True) if line.startswith("most causes would stay without a name: --crit")]
+    assert told.endswith("; --every-axis names more at each pose" if said else "in a --box")
+
+
+def test_one_run_is_no_runs(little: DesignPlan) -> None:
+    """A plan of two poses, and the same without the second."""
+    sheet = little.sheet
+    one = replace(sheet, label=sheet.label[:1])
+    assert little.worth()[0].startswith("2 poses, 4 rows, about ")
+    assert replace(little, sheet=one).worth()[0].startswith("1 pose, 4 rows, about ")
+
+
+def test_after_further_runs_the_diagnosis_is_made_anew_over_the_one_there_is(monkeypatch, tmp_path: Path) -> None:
+    """Followed as it stands, with the rows appended: `diagnose` would refuse to write over the diagnosis that was given."""
+    monkeypatch.setattr(procedure, "QUICK", LITTLE)
+    monkeypatch.setattr(procedure, "forecast", lambda *of: FORECAST)
+    samples, given = ROOT / "samples", tmp_path / "found.json"
+    given.write_text(json.dumps({"format": "compstiff-diagnosis", "robot": "irb6660-205-1.90", "verdict": "named"}))
+    rows = tmp_path / "measurements.csv"
+    rows.write_bytes((samples / "measurements.csv").read_bytes())
+    done = run(samples / "cell.yaml", "-o", tmp_path / "more.csv", "--add", 1, rows, "--axes", "z", "--protocol", "single",
+               "--quick", "--diagnosis", given)
+    assert done.exit_code == 0, done.output
+    assert done.output.rstrip().endswith(
+        f"append the rows to {rows}, then compstiff diagnose {samples / 'cell.yaml'} {rows} -o {given} --force")
 
 
 @pytest.mark.parametrize(("stem", "module"), [

@@ -234,6 +234,23 @@ def test_planned_runs_settle_what_is_open(tmp_path):
     assert settled > plain - 0.05
 
 
+@pytest.mark.parametrize(("verdict", "taken"), [
+    *((verdict, True) for verdict in ("adequate", "named", "ambiguous", "unknown", "mistake")),
+    ("Ambiguous", False), ("ambigous", False), ("", False), (None, False)])
+def test_a_verdict_that_diagnose_never_writes_is_none(cell, tmp_path, verdict: str | None, taken: bool) -> None:
+    """It had counted as one that leaves nothing open, and the runs asked for were planned without it."""
+    file = tmp_path / "diagnosis.json"
+    file.write_text(json.dumps({"format": "compstiff-diagnosis", "robot": cell.robot.name, "verdict": verdict}))
+    if taken:
+        assert read_diagnosis(file, cell).verdict == verdict
+        return
+    with pytest.raises(CompstiffError) as refused:
+        read_diagnosis(file, cell)
+    (said,) = refused.value.findings
+    assert (said.code, said.file) == ("CS1650", str(file))
+    assert said.message == "verdict: Input should be 'adequate', 'named', 'ambiguous', 'unknown' or 'mistake'"
+
+
 def test_files_that_are_no_diagnosis_of_this_cell(hard, tmp_path):
     folder, cell, _, _ = hard
     wrong = tmp_path / "wrong.json"

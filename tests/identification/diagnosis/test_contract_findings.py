@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import html
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,18 +15,25 @@ import pytest
 from identification.common.findings import CompstiffError
 from identification.common.shipped import shipped
 from identification.diagnosis.blocks import Thinning
+from identification.diagnosis.detect import Detection
 from identification.diagnosis.diagnose import Diagnosis, diagnose
+from identification.diagnosis.gain import Gain
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause
 from identification.diagnosis.mended import MendedFile, mended_file
+from identification.diagnosis.next_steps import steps_of
 from identification.diagnosis.pages import diagnosis_report
 from identification.diagnosis.record import next_words
 from identification.diagnosis.share import share_of
 from identification.diagnosis.swing import Swing
 from identification.diagnosis.unsettled import Unsettled
+from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, Mend
 from identification.fit.mistakes.judge import NamedMistake
+from identification.fit.mistakes.mistake import Mistake
+from identification.fit.mistakes.search import Candidate
+from identification.fit.posterior import Posterior, posterior
 from identification.fit.visits import VisitScore, VisitTest
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
@@ -201,6 +210,104 @@ def test_a_bad_pose_is_a_cause_of_the_file_and_of_the_report(adequate: Diagnosis
     assert judged(adequate, verdict="unknown", bad_visits=said.judgement.bad_visits).lines()[0].startswith("seen: ")
 
 
+@pytest.mark.parametrize(("rows", "said"), [([4], "it was left out. "), ([4, 5], "they were left out. ")])
+def test_a_pose_of_one_reading_is_told_in_the_singular(adequate: Diagnosis, rows: list[int], said: str) -> None:
+    score = VisitScore("P7", np.array(rows), 44, 0, 5.0, 0.002, 0.5, NOTHING, NOTHING + 1)
+    assert said in judged(adequate, verdict="named", bad_visits=(BadVisit(score, (), ""),)).lines()[0]
+
+
+GAIN = Gain(9e-6, 3e-6, (2.0, 4.0), "validate", 10.0, np.ones((2, 1)), ("P01",))
+
+
+def with_causes(found: Diagnosis, *names: tuple[str, int | None]) -> Posterior:
+    """The rows fitted with these effects beside the springs."""
+    plain, terms = found.judgement.plain, []
+    for name, joint in names:
+        effect, state = effects()[name], found.judgement.plain.load_state
+        size, neutral = effect.typical(state, joint), effect.neutral(state)
+        terms.append(Term(effect, joint, start=neutral + size, scale=size, neutral=neutral))
+    return posterior(plain.data, terms, plain)
+
+
+@pytest.fixture(scope="module")
+def two(adequate: Diagnosis) -> Posterior:
+    return with_causes(adequate, ("backlash", 2), ("creep", None))
+
+
+def test_what_is_at_work_beside_a_cause_and_which_laws_are_open_is_said(adequate: Diagnosis, two: Posterior) -> None:
+    """What is small is in the model; that more may be at work where what is left is more than nineteen of twenty show."""
+    cause = Cause(effects()["backlash"], 2, 0.971, {"soft_zone": 0.3, "backlash": 0.65})
+    small, further = Cause(effects()["creep"], None, 0.4), Cause(effects()["drift"], None, 0.123)
+    named = {"verdict": "named", "extended": two, "causes": (cause,), "gain": GAIN, "showing": ()}
+    lines = judged(adequate, **named, companions=(small,), robot_difference=3.31e-6).lines()
+    assert lines[0].startswith("named: the gear of joint 2 is softer near zero torque. In these measurements it makes up to ")
+    assert lines[0].endswith("2 sigma; probability 0.971); its law is open (soft zone 0.30, backlash 0.65 would do as well): "
+                             "for a correction the choice makes 3.3 um RMS under the measured loads")
+    term, values = two.terms[1], two.term_values[1]
+    moved = 1e6 * np.linalg.norm(term.contribution(two.load_state, values)[:, :3], axis=1).max()
+    (beside,) = [line for line in lines if line.startswith("  beside it something smaller is at work, ")]
+    assert beside.startswith(f"  beside it something smaller is at work, up to {moved:.0f} um: creep (creep: ratio ")
+    assert beside.endswith("2 sigma) is in the model; too small against its typical size to be a name")
+    assert "its law is open" not in judged(adequate, **named).lines()[0]
+    for p_value, alternatives, said in (
+        (0.049, (), "95.1 % of data sets show without a further cause: something more may be at work"), (0.051, (), ""),
+        (0.003, (further,), "99.7 % of data sets show without a further cause: something more may be at work (drift, "
+                            "probability 0.12)")):
+        left = judged(adequate, **named, adequacy=Detection(p_value, 0.001, {}, 3.0), alternatives=alternatives).lines()
+        assert [line for line in left if "what is left then" in line] == [
+            f"  what is left then is more than {said}"][: bool(said)]
+
+
+@pytest.mark.parametrize(("name", "joint", "words", "of_robot"), [
+    ("backlash", 2, "it carries what the robot does", True),
+    ("force_offset", None, "the cause is in the measurement, and taken out of the data", False)])
+def test_the_steps_after_a_name_say_what_the_file_carries(
+    adequate: Diagnosis, name: str, joint: int | None, words: str, of_robot: bool,
+) -> None:
+    """With the file written, and without it."""
+    found = judged(adequate, verdict="named", extended=with_causes(adequate, (name, joint)),
+                   causes=(Cause(effects()[name], joint, 0.99),), gain=GAIN)
+    (step,) = steps_of(found, Path("x.json"))
+    assert step.words == f"Correct a program with x.json: {words}."
+    assert "--stiffness x.json" in step.command
+    write, use = steps_of(found)
+    assert write.words == ("Write the stiffness file that carries what the robot does:" if of_robot else "It is the "
+                           "measurement, not the robot: it is taken out of the data. Write the stiffness file without it:")
+    assert write.command.endswith("-o diagnosis.json --extended stiffness_extended.json --force")
+    assert use.words == "Then correct a program with it:"
+
+
+def test_springs_that_changed_while_they_were_measured_are_not_corrected_with(adequate: Diagnosis) -> None:
+    found = judged(adequate, verdict="named", extended=with_causes(adequate, ("gear_softening", 2)),
+                   causes=(Cause(effects()["gear_softening"], 2, 0.99),), gain=GAIN)
+    (step,) = steps_of(found, Path("x.json"))
+    assert step.words == ("The springs changed while they were measured: correct refuses them. Warm the robot up and measure "
+                          "again, the first pose once more at the end; then:")
+    assert step.command == f"compstiff diagnose {found.cell.source} {found.measurements.source} -o diagnosis.json --force"
+
+
+def test_a_mistake_in_the_files_is_the_report_s_headline(adequate: Diagnosis) -> None:
+    """The name of a column stays as the table has it; any other word begins the sentence."""
+    for sentence, headline in (
+        ("fx_n seems to be in kgf +- 2 %, not in N, in {rows}", "fx_n seems to be in kgf ± 2 %, not in N"),
+        ("forces seem to be in kgf, not in N, in {rows}", "Forces seem to be in kgf, not in N")):
+        mistake = Mistake("force_unit[kgf]", sentence, "look at the sensor's data sheet", "table", lambda data: data)
+        candidate = Candidate(mistake, adequate.judgement.plain.data, None, (), 0.0, np.zeros((1, 3)))
+        named = NamedMistake(candidate, 0.99, 31.4, 0.9, 98.76e-6, 5.43e-6, 120)
+        found = judged(adequate, verdict="mistake", mistakes=(named,))
+        rows = f"all {len(adequate.judgement.rows)} rows"
+        assert found.lines()[:2] == [
+            f"mistake in the table: {sentence.format(rows=rows)}", "  every pose predicted from the others: 98.76 -> 5.43 um "
+            "RMS with it mended; ln Bayes factor 31 against the files as they are, 120 mistakes tried"]
+        page = html.unescape(re.sub(r"<[^>]+>", "", diagnosis_report(found))).replace("\xa0", " ")
+        assert "A MISTAKE IN THE FILES" in page
+        assert (f"{headline}, in {rows}. Each pose is predicted from the others to 98.8 µm RMS as it stands, to 5.4 µm with it "
+                "mended.") in page
+        first, second = steps_of(found)
+        assert first.words == "Check: look at the sensor's data sheet (force unit kgf)."
+        assert second.command.endswith("-o diagnosis.json --mend MENDED --force")
+
+
 @pytest.mark.parametrize(("scatter", "code", "headline", "size", "rows"), [
     (Swing(0.02, 0.25, 1e-4, 3e-5), "CS1511", "WEIGHTS SWUNG", "side forces of 2 % of the load", "the rows"),
     (Unsettled(7e-6, 0.25, 1e-4, 3e-5), "CS1410", "ZERO READINGS LIE ASIDE", "by 7 um", "the zero readings")])
@@ -219,6 +326,19 @@ def test_scatter_is_told_with_its_size_and_is_no_displacement(
     assert (parameter["estimate"], parameter["std"]) == (scatter.size, pytest.approx(0.25 * scatter.size))
     assert (cause["of_robot"], cause["largest_um"], cause["probability"]) == (False, pytest.approx(30), 1 - 1e-4)
     assert headline in diagnosis_report(said)
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_robot_without_links_is_said_with_what_was_tried(adequate: Diagnosis, links: bool) -> None:
+    """The sentence is about the robot file."""
+    plain = adequate.judgement.plain
+    mass, centre = (np.ones(6), np.zeros((6, 3))) if links else (None, None)
+    model = replace(adequate.cell.robot, link_mass=mass, link_centre=centre)
+    known = replace(plain, data=replace(plain.data, cell=replace(plain.data.cell, robot=model)))
+    found = [one for one in judged(adequate, plain=known, extended=known, showing=()).findings if one.code == "CS1404"]
+    assert [(one.level, one.file, one.message) for one in found] == [
+        ("note", str(model.source), "the robot file has no links: what gravity holds gears to is not known, so backlash and "
+         "soft zones of joints 2 to 5 were tried without it and under many weights")][: not links]
 
 
 def test_a_cause_whose_fit_was_lost_is_said(adequate: Diagnosis) -> None:

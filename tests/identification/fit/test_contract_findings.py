@@ -6,12 +6,14 @@ import html
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from identification.common.findings import Finding
-from identification.fit.fit import Fit, fit_stiffness
+from identification.common.findings import CompstiffError, Finding
+from identification.fit.fit import Fit, _against_prior, _light_rows, _other_noise, fit_stiffness
 from identification.fit.mending import BadVisit, Mend
 from identification.fit.report import identification_report
 from identification.fit.visits import VisitScore
@@ -91,6 +93,71 @@ def test_readings_that_remember_each_other_are_said(tmp_path: Path, memory: floa
 def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
     cell, rows = simulate(tmp_path_factory.mktemp("fit"), np.random.default_rng(5), poses=8)
     return fit_stiffness(cell, rows)
+
+
+@pytest.mark.parametrize(("ratio", "readings", "code", "said"), [
+    (0.24, 36, "CS1042", "the residual is 0.24 times what the stated noise allows; the intervals use the estimated noise, "
+     "which does not trust so small a one"),
+    (0.26, 36, "", ""), (0.24, 30, "CS1042", ""), (0.24, 29, "", ""), (1.0, 36, "", ""), (1.98, 36, "", ""),
+    (2.04, 36, "CS1013", "the residual is 2.0 times what the stated noise allows; estimated: sensor 1.5 times the stated, "
+     "re-seating 8 um a pose; the intervals use the estimated noise")])
+def test_a_residual_that_the_stated_noise_does_not_explain_is_said(
+    fit: Fit, ratio: float, readings: int, code: str, said: str,
+) -> None:
+    """Chi-squared under the stated noise, a reading that is left beside the six springs; a small one where there are enough."""
+    source = fit.measurements.source
+    found = _other_noise(SimpleNamespace(
+        data=fit.posterior.data, chi2=ratio**2 * (readings - 6), readings=readings, components=SimpleNamespace(
+            sensor=1.5, offset=2.0), at_map=SimpleNamespace(noise=SimpleNamespace(offset=np.array([3e-6, 4e-6, 5e-6])))))
+    assert [(one.code, one.level, one.file) for one in found] == [(code, "warning", source)][: bool(code)]
+    assert not said or found[0].message == said
+
+
+@pytest.mark.parametrize("count", [0, 20, 21])
+def test_many_rows_that_count_little_are_one_finding_with_the_worst_in_front(fit: Fit, count: int) -> None:
+    """Under 30 % of an ordinary row each; twenty are told one by one."""
+    order = np.random.default_rng(0).permutation(len(fit.measurements))
+    weight, lines = np.full(len(order), 0.31), fit.measurements.line[order]
+    weight[order[:count]] = np.linspace(0.02, 0.29, count)
+    told = _light_rows(SimpleNamespace(data=fit.posterior.data, row_weight=weight))
+    assert {(one.code, one.level, one.file) for one in told} <= {("CS1015", "warning", fit.measurements.source)}
+    if count == 21:
+        assert [(one.message, one.line) for one in told] == [
+            (f"21 of {len(weight)} rows do not fit the others and count less than 30 % of an ordinary one each; the worst in "
+             f"lines {', '.join(map(str, lines[:20]))}", lines[0])]
+    else:
+        assert [one.line for one in told] == lines[:count].tolist()
+        assert [one.message for one in told[:1]] == [
+            "this row does not fit the others and counts 2 % of an ordinary one"][:count]
+
+
+@pytest.mark.parametrize(("factors", "said"), [
+    ((1.0,) * 6, ""), ((11.4,) * 6, ""), ((11.9,) * 6, "a factor 11.9 to 11.9 off"),
+    ((1 / 30,) * 5 + (1.0,), "a factor 0.0333 to 1 off"),
+    ((99.0,) * 6, "a factor 99 to 99 off"), ((101.0,) * 6, "refused"), ((101.0,) * 5 + (99.0,), "a factor 99 to 101 off"),
+    ((1 / 99,) * 6, "a factor 0.0101 to 0.0101 off"), ((1 / 101,) * 6, "refused")])
+def test_springs_far_off_the_prior_are_said_and_a_common_factor_of_a_hundred_is_a_unit(
+    fit: Fit, factors: tuple[float, ...], said: str,
+) -> None:
+    """By the chance that the prior gives them: of six springs 11.6 times its medians, each of a relative standard deviation of
+    two, that is one in a thousand."""
+    prior, expected = fit.posterior.prior, -np.log(fit.cell.prior.stiffness)
+    assert np.allclose(fit.cell.prior.relative_std, 2.0)
+    assert np.log(5) == pytest.approx(prior.log_std[0] ** 2)
+    off = SimpleNamespace(data=fit.posterior.data, prior=prior, mean=expected - np.log(factors), covariance=1e-4 * np.eye(6))
+    grades = tuple(replace(grade, grade="reliable") for grade in fit.grades)
+    if said == "refused":
+        with pytest.raises(CompstiffError) as stopped:
+            _against_prior(off, grades)
+        (finding,) = stopped.value.findings
+        assert (finding.code, finding.level) == ("CS1018", "error")
+        assert "state its prior in cell.yaml" in finding.hint
+        return
+    p_value = float(chi2.sf(np.sum(np.log(factors) ** 2) / np.log(5), 6))
+    assert (p_value < 1e-3) == bool(said)
+    told = f"the stiffnesses lie {said} the prior's medians, which it gives a probability of {p_value:.1g}"
+    assert [(one.code, one.level, one.message) for one in _against_prior(off, grades)] == [
+        ("CS1017", "warning", told)][: bool(said)]
 
 
 @pytest.mark.parametrize(("weak", "warned", "headline", "says"), [

@@ -1,5 +1,6 @@
 """What `identify` says beyond the estimate: variance components, gross errors, conflicts, profiles, the paper's prior."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -212,6 +213,43 @@ def test_data_against_the_prior(tmp_path) -> None:
     assert sum(finding.code == "CS1017" for finding in softer.findings) == 1
     with pytest.raises(CompstiffError, match=r"(?s)CS1018.*looks like a unit"):
         fit_stiffness(cell, replace(rows, deflection=1e-3 * rows.deflection))
+
+
+@pytest.mark.parametrize(("share", "said"), [
+    (0.45, set()), (0.55, {"CS1019"}), (0.58, {"CS1019"}), (0.62, {"CS1019", "CS1021"})])
+def test_validation_rows_between_fit_and_prior_are_held_against_both(tmp_path, share: float, said: set[str]) -> None:
+    """Rows that lie this share of the way from the true springs' prediction to the prior's: nearer to the prior it is said,
+    half as far again the model is rejected."""
+    cell, rows = simulate(tmp_path, np.random.default_rng(9), poses=16)
+    true, prior = (equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, 1 / k).position
+                   for k in (TRUE, cell.prior.stiffness))
+    kept = rows.visit >= 12
+    fit = fit_stiffness(cell, replace(rows, validate=kept, deflection=np.where(
+        kept[:, None], true + share * (prior - true), rows.deflection)))
+    assert {finding.code for finding in fit.findings} & {"CS1019", "CS1021"} == said
+    apart = 1e6 * np.sqrt(np.mean((prior - true)[kept] ** 2))
+    if said:
+        told = next(finding.message for finding in fit.findings if finding.code == "CS1019")
+        numbers = re.fullmatch(r"on the validation rows the identified stiffnesses are off by (\S+) um RMS, "
+                               r"the prior's by (\S+) um", told)
+        assert numbers
+        assert [float(one) for one in numbers.groups()] == pytest.approx([share * apart, (1 - share) * apart], rel=0.05)
+
+
+def test_no_slip_in_a_validation_row_speaks_against_the_stiffnesses(tmp_path) -> None:
+    """A digit too many that happens to lie where the prior is wrong makes the prior's figure the smaller one."""
+    cell, rows = simulate(tmp_path, np.random.default_rng(4), poses=14, loads=4)
+    kept, slip = rows.visit >= 10, 47
+    deflection = rows.deflection.copy()
+    deflection[slip, 0] -= 1e-3
+    fit = fit_stiffness(cell, replace(rows, deflection=deflection, validate=kept))
+    assert fit.held_out is not None
+    assert fit.held_out[1] > fit.held_out[0]
+    assert [(finding.code, finding.line) for finding in fit.findings] == [("CS1732", int(rows.line[slip]))]
+    left = 1e6 * np.sqrt(np.mean(fit.residual[kept & (rows.row != rows.row[slip])] ** 2))
+    told = re.fullmatch(r"validation rows without 1 outlier: (\S+) um with the identified stiffnesses", fit.lines()[-1])
+    assert told
+    assert float(told[1]) == pytest.approx(left, rel=0.1)
 
 
 def test_validation_rows_that_the_prior_tells_better_are_said(tmp_path) -> None:

@@ -1,5 +1,6 @@
 """`compstiff robots --check`: a sound file broken in one place each time, and what is said of it."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -37,8 +38,6 @@ def swap(old: str, new: str) -> Callable[[str], str]:
 def scaled(key: str, factor: float) -> Callable[[str], str]:
     """All numbers of a key times a factor, as in another unit."""
     def change(text: str) -> str:
-        import re
-
         number = r"-?[\d.]+(?:e\d+)?"
         return re.sub(rf"({key}: )(\[[^\]]*\]|{number})",
                       lambda m: m[1] + re.sub(number, lambda n: f"{float(n[0]) * factor:.8g}", m[2]), text)
@@ -159,6 +158,32 @@ def test_what_needs_joints_is_refused_without_them(tmp_path: Path) -> None:
         (finding,) = refused.value.findings
         assert (finding.code, finding.file) == ("CS0102", str(path))
         assert finding.message == "coupling, links and poses need joints; received none"      # and not the whole file
+
+
+@pytest.mark.parametrize(("width_deg", "told"), [(0.07, True), (0.28, False)])
+def test_a_window_is_told_that_leaves_under_a_thousandth_of_what_the_limits_allow(
+    tmp_path: Path, width_deg: float, told: bool,
+) -> None:
+    """theta_3 - theta_2 of -20 ... 120.5 and -42 ... 85 degrees: between 22 and 35.5 a degree is 1 / 140.5 of all."""
+    check = checked(tmp_path, "irb6660-205-1.90", swap("window_deg: [-70, 70]", f"window_deg: [25, {25 + width_deg}]"))
+    found = [one for one in check.findings if one.code == "CS0068"]
+    assert [(one.level, re.sub(r"[\d.]+ %", "x %", one.message)) for one in found] == [
+        ("error", "the window of the coupled angle leaves x % of what the joints' limits allow")][: told]
+    if told:
+        share = re.search(r"([\d.]+) %", found[0].message)
+        assert share
+        assert float(share[1]) == pytest.approx(100 * width_deg / 140.5, rel=0.4)
+
+
+@pytest.mark.parametrize(("old", "new", "which"), [
+    ("window_deg: [-70, 70]", "window_deg: [-70, 0]", ""),
+    ("window_deg: [-70, 70]", "window_deg: [-70, -0.1]", "the window of the coupled angle"),
+    ("limits_deg: [-42, 85]", "limits_deg: [0, 85]", ""), ("limits_deg: [-42, 85]", "limits_deg: [0.1, 85]", "joint 2")])
+def test_a_pose_outside_the_limits_is_told_with_what_it_is_outside_of(tmp_path: Path, old: str, new: str, which: str) -> None:
+    """The document's pose has all joints at zero."""
+    check = checked(tmp_path, "irb6660-205-1.90", swap(old, new))
+    assert [(one.level, one.message) for one in check.findings if one.code == "CS0067"] == [
+        ("warning", f"pose 1 is outside the limits of the file: {which}")][: bool(which)]
 
 
 def test_a_window_that_no_angle_meets_is_said_once(tmp_path: Path) -> None:

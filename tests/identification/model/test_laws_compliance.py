@@ -1,5 +1,7 @@
 """The compliance model: an independent simulation, and the laws it must obey."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -56,6 +58,35 @@ def test_one_step_is_off_by_what_the_design_page_says() -> None:
     one_step = equilibrium(model, theta, TOOL, wrench, 1 / STIFFNESS, rounds=1).position
     relative = np.linalg.norm(one_step - exact, axis=1) / np.linalg.norm(exact, axis=1)
     assert 1e-5 < np.median(relative) < np.max(relative) < 3e-2
+
+
+@pytest.mark.parametrize("tilt_deg", [-35.0, 20.0, 90.0, 180.0])
+def test_a_tilted_arm_yields_as_it_does_in_its_own_frame(either, tilt_deg: float) -> None:
+    """A twist before joint 1, of any angle, turns the base: loads and deviations turn with it."""
+    tilt = np.radians(tilt_deg)
+    turn = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+    rng = np.random.default_rng(11)
+    theta, wrench = random_poses(either, 20, rng), loads(20, rng)
+    tilted = replace(either, alpha=either.alpha + tilt * np.eye(6)[0])
+    both = np.kron(np.eye(2), turn)
+    for found, wanted in zip(deviation(tilted, theta, TOOL, wrench @ both.T, 1 / STIFFNESS),
+                             deviation(either, theta, TOOL, wrench, 1 / STIFFNESS), strict=True):
+        assert_allclose(found, wanted @ turn.T, atol=1e-11, rtol=1e-9)
+
+
+@pytest.mark.parametrize("joint", [1, 2, 3, 4, 5])
+def test_an_axis_counted_the_other_way_round_is_the_same_arm(either, joint: int) -> None:
+    """RotX(a) RotZ(q) TransZ(d) = RotX(a + 180) RotZ(-q) TransZ(-d) RotX(-180): twists of 180, and quarter turns either way."""
+    k, one = joint - 1, np.eye(6)[joint - 1]
+    turned = replace(either, alpha=either.alpha + np.pi * (one - np.eye(6)[k + 1]), d=either.d * (1 - 2 * one),
+                     offset=either.offset * (1 - 2 * one), coupling=either.coupling * (1 - 2 * one)[:, None])
+    rng = np.random.default_rng(12)
+    theta, wrench = random_poses(either, 20, rng), loads(20, rng)
+    assert_allclose(forward(turned, theta, TOOL).position, forward(either, theta, TOOL).position, atol=1e-12)
+    # A spring at an axis yields to the torque about it, however that is counted.
+    for found, wanted in zip(deviation(turned, theta, TOOL, wrench, 1 / STIFFNESS),
+                             deviation(either, theta, TOOL, wrench, 1 / STIFFNESS), strict=True):
+        assert_allclose(found, wanted, atol=1e-11, rtol=1e-9)
 
 
 def test_first_order_compliance_is_symmetric_and_positive(either) -> None:

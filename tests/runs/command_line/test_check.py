@@ -9,9 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from compensator.learned.learned_file import learned_json
+from identification.model.cell import read_cell
 from identification.model.robot import built_in_robots
+from tests.compensator.learning.test_contract_learned_file import learned
 from tests.identification.formats.test_contract_force_logs import lvm
 from tests.identification.motion import simulated_joint
 from tests.runs.command_line import test_mistakes as kit_mistakes
@@ -520,6 +524,38 @@ def test_each_kind_is_said_in_its_own_words(folder: Path) -> None:
     assert found["motion.csv"] == "joints 2, 5000 samples at 250 Hz"
     assert found["second.yaml"].startswith(f"{ROBOT}, TCP at [")
     assert found["plan.json"] == "of a plan"
+
+
+def test_files_that_the_commands_write_are_said_in_their_own_words(folder: Path) -> None:
+    """Without the hours that it takes to make them; of another robot they are refused, and what its own log rejects is said."""
+    diagnosis = {"format": "compstiff-diagnosis", "version": 1, "robot": ROBOT, "verdict": "ambiguous",
+                 "alternatives": [{"effect": "backlash", "joint": 2}, {"effect": "channel_delay", "joint": None}]}
+    files = {"named.json": diagnosis, "other.json": diagnosis | {"robot": "irb6640-180-2.55"}, "cutting.json": CUTTING,
+             "doubted.json": CUTTING | {"rejected": "it leaves 40 % of the force"}, "said.json": {
+                 "format": "compstiff-correct", "exit_code": 0}, "post.json": {"format": "compstiff-post", "version": 1},
+             "learned.json": learned_json(learned(), read_cell(folder / "cell.yaml"))}
+    for name, content in files.items():
+        (folder / name).write_text(json.dumps(content))
+    (folder / "part.stock.yaml").write_text("box: {from_mm: [-60, -40.5, -30], to_mm: [60, 80, 0]}\n")
+    shutil.copy(built_in_robots()[ROBOT], folder / "mine.yaml")
+    frame = pd.read_csv(folder / "measurements.csv")
+    frame.to_parquet(folder / "rows.parquet")
+    names = [*files, "part.stock.yaml", "mine.yaml", "rows.parquet"]
+    run = check(folder, *(folder / name for name in names))
+    told = {Path(one["file"]).name: (one["kind"], one["verdict"], one["found"]) for one in run.json["result"]["files"]}
+    assert told.pop("cell.yaml")[1] == "ok"
+    cutter = told["cutting.json"][2]
+    assert cutter.endswith("in titanium, Ktc 2100 N/mm^2")
+    assert told == {
+        "named.json": ("diagnosis", "ok", "verdict ambiguous"), "other.json": ("diagnosis", "error", ""),
+        "cutting.json": ("cutting", "ok", cutter), "doubted.json": ("cutting", "warning", cutter),
+        "said.json": ("result", "ok", "what a command said"), "post.json": ("record", "ok", "what a program was made from"),
+        "learned.json": ("learned", "ok", "of this robot"),
+        "part.stock.yaml": ("stock", "ok", "x -60 to 60; y -40.5 to 80; z -30 to 0 mm"), "mine.yaml": ("robot", "ok", ROBOT),
+        "rows.parquet": ("measurements", "ok", "60 rows, 60 with a load, 10 poses, 0 rows kept back")}
+    assert {(one["code"], Path(one["file"]).name): one["message"] for one in run.json["findings"]} == {
+        ("CS1650", "other.json"): f"the diagnosis is of robot irb6640-180-2.55, the cell has {ROBOT}",
+        ("CS4752", "doubted.json"): "the log that these coefficients were fitted to rejects them: it leaves 40 % of the force"}
 
 
 @pytest.mark.parametrize(("name", "content", "line"), [
