@@ -14,7 +14,7 @@ from identification.model.cell import read_cell
 from identification.model.inverse import configuration
 from identification.model.kinematics import forward
 from identification.model.rotations import Frame
-from tests.support import CELL, robot, write_cell
+from tests.support import robot, write_cell
 
 TOOL = Frame.from_quaternion([0.12, 0, 0.25], [1, 0, 0, 0])
 
