@@ -141,14 +141,12 @@ def _record(file: Path, digest: str, robot: str, changed: bool) -> tuple[dict[st
     if corrected_for != robot:
         raise Refused(Finding("CS6103", "error", f"was corrected for the robot '{corrected_for}', the cell has '{robot}'",
                               file=str(file), hint="give the cell.yaml it was corrected with"))
-    if not any(output.get("sha256") == digest for output in _outputs(record)):
-        difference = Finding("CS6101", "warning" if changed else "error", f"is not what its record {path.name} says: it was "
-                             "changed since it was corrected", file=str(file),
-                             hint="" if changed else "correct it again, or --changed where it was changed on purpose")
-        if not changed:
-            raise Refused(difference)
-        return record, (difference,)
-    return record, (*said_of_later(path, file), *said_of_changes(record, path.parent, file))
+    differs = () if any(output.get("sha256") == digest for output in _outputs(record)) else (Finding(
+        "CS6101", "warning" if changed else "error", f"is not what its record {path.name} says: it was changed since it was "
+        "corrected", file=str(file), hint="" if changed else "correct it again, or --changed where it was changed on purpose"),)
+    if differs and not changed:
+        raise Refused(*differs)
+    return record, (*differs, *said_of_later(path, file), *said_of_changes(record, path.parent, file))
 
 
 def _outputs(record: dict[str, Any]) -> list[dict[str, Any]]:

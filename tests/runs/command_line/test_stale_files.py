@@ -35,11 +35,11 @@ def push(folder: Path, cell: str = "cell.yaml") -> kit.Run:
     return kit.run("push", folder / cell, folder / "offsets.csv", "--program", folder / "part.mod", "--json")
 
 
-def upload(folder: Path, monkeypatch: pytest.MonkeyPatch) -> kit.Run:
+def upload(folder: Path, monkeypatch: pytest.MonkeyPatch, *options: str) -> kit.Run:
     """A dry run, nobody there."""
     monkeypatch.setenv("COMPSTIFF_CONTROLLER_PASSWORD", "secret")
     return kit.run("upload", folder / "cell.yaml", folder / "out.mod", "--host", "127.0.0.1", "--port", "9", "--retries", "0",
-                   "--json")
+                   "--json", *options)
 
 
 def again(folder: Path) -> kit.Run:
@@ -68,6 +68,17 @@ def test_a_program_or_stiffness_file_that_was_changed_since(
         told = [one["message"] for one in done.json["findings"] if one["code"] == "CS4205"]
         assert [one.startswith(names) for one in told] == ([True] if names else []), told
         assert kit.codes(done) & SAID == ({"CS4205"} if names else set())
+
+
+def test_of_a_module_that_was_changed_on_purpose_is_told_what_it_was_made_from(
+    corrected: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    remarked(corrected / "out.mod")
+    assert kit.codes(upload(corrected, monkeypatch)) & SAID == {"CS6101"}
+    assert kit.codes(upload(corrected, monkeypatch, "--changed")) & SAID == {"CS6101"}
+    remarked(corrected / "part.mod")
+    done = upload(corrected, monkeypatch, "--changed")
+    assert (done.code, kit.codes(done) & SAID) == (0, {"CS6101", "CS4205"})
 
 
 def test_offsets_of_another_robot_are_not_pushed(corrected: Path) -> None:
