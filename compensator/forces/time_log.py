@@ -91,7 +91,8 @@ def _placed(log: ForceLog, alignment: TimeAlignment) -> Finding:
         "CS3064", "warning", f"placed by time alone: the program starts at {alignment.start:.2f} s of the log's clock, "
         f"override {100 * alignment.override:.1f} %, stretches slip by up to {alignment.slip:.2f} s; "
         f"{100 * alignment.share:.0f} % of the force follows the program, {others}; 1 sigma of a sample's place is up to "
-        f"{largest:.1f} mm, of half of them {typical:.1f} mm, and of its time {np.median(alignment.std):.3f} s", file=log.source)
+        f"{largest:.1f} mm, of half of them {typical:.1f} mm, and of its time {np.median(alignment.std):.3f} s",
+        file=log.source)
 
 
 def _odd_stretch(path: RobotPath, program: ProgramTime, alignment: TimeAlignment) -> list[Finding]:

@@ -13,9 +13,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import compstiff
+from compensator.correction.files import Inputs, predict_files
 from compensator.learned.learned import DRIFT, SETUP, JobFrame, Learned, Repeats
 from compensator.learned.learned_file import learned_json, read_learned
 from compensator.learned.remainder import Remainder
+from compensator.learning.measured_points import read_points
+from compensator.learning.path_places import place_points
+from compensator.learning.rows import rows_of
 from compensator.learning.terms import frame_of
 from compensator.path.robot_path import robot_path
 from identification.common.findings import CompstiffError, Refused
@@ -101,7 +105,7 @@ def test_a_set_up_repeats_on_a_table_that_turns_and_beside_a_robot_that_travels(
     ready.write()
     cell, file = read_cell(tmp_path / "cell.yaml"), tmp_path / "part.mod"
     path = robot_path(compstiff.read_toolpath(file, cell).toolpath, cell)
-    rows: Any = SimpleNamespace(position=path.base_from_tcp.position[1:], time=np.arange(3.0))
+    rows: Any = SimpleNamespace(on_part=path.rest_from_tcp.position[1:], time=np.arange(3.0))
     given = replace(learned(), frame=frame_of(rows, cast(Any, SimpleNamespace(path=path, targets=np.arange(1, 4)))))
     frame = job.in_world if on == "slide" else job.on_unit
     program = file.read_text()
@@ -113,6 +117,37 @@ def test_a_set_up_repeats_on_a_table_that_turns_and_beside_a_robot_that_travels(
         return
     with pytest.raises(Refused, match=f"CS5322: --repeats job, but the work object {said} from where it was measured"):
         given.check_set_up(again, np.arange(1, 4), "job")
+
+
+@pytest.mark.parametrize("on", ["slide", "table", "both"])
+def test_a_part_that_stands_aside_on_its_table_is_one_set_up_wherever_that_turns(tmp_path: Path, on: str) -> None:
+    """By a shift and a small turn of its own: three shifts and three turns say of all its points, measured in the work object,
+    where they are off, and a program takes from that what the part is off by in the robot's base at each target."""
+    ends = np.array([[950.0, 12, -20], [850.0, 4, 10]])
+    job = CarriedJob(tmp_path, "J 0,0 L 20,0 L 40,10 L 60,0 L 70,30 L 20,50", on=on, ends=ends)
+    ready = job.job("target,fx_n,fy_n,fz_n\n" + "".join(f"{k},1,1,1\n" for k in range(6)))
+    ready.program = job.program
+    ready.write()
+    predicted = predict_files(Inputs(*(tmp_path / name for name in ("cell.yaml", "part.mod", "stiffness.json", "forces.csv"))))
+    path, targets, points = predicted.path, predicted.targets, np.array([1e3 * pose.p for pose in job.poses])
+    shift, turn, centre = np.array([30.0, -80.0, 50.0]), np.array([0.4, -0.2, 0.7]), points.mean(axis=0)
+    off = shift + np.cross(turn, points - centre)           # um, work object; mrad over mm
+    table = tmp_path / "points.csv"
+    table.write_text("x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,std_um,target\n" + "".join(
+        ",".join(f"{value:.6f}" for value in (*point, *moved)) + f",1,{k}\n"
+        for k, (point, moved) in enumerate(zip(points, off, strict=True)) if k in targets))
+    measured = read_points(table, path.cell)
+    rows = rows_of(measured, place_points(measured, predicted, 0.0, 1e-3), predicted)
+    frame = frame_of(rows, predicted)
+    columns = rows.along(frame.columns(rows.on_part, rows.time, rows.to_base))[:, :SETUP]
+    setup, left = np.linalg.lstsq(columns, rows.value, rcond=None)[:2]
+    assert np.linalg.matrix_rank(columns) == SETUP
+    assert 1e6 * np.sqrt(left.sum() / len(rows)) < 0.05
+    given = learned()
+    mean = np.zeros(len(given.mean))
+    mean[SPRINGS:SPRINGS + SETUP] = setup
+    taken = replace(given, mean=mean, frame=frame).rest(path, targets).mean
+    np.testing.assert_allclose(1e6 * taken, job.stands(job.values)[1][targets].apply(off[targets]), atol=0.2)
 
 
 def test_its_numbers_are_in_the_units_of_their_names(tmp_path: Path) -> None:
