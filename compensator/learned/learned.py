@@ -38,17 +38,19 @@ NO_REMAINDER = Remainder(np.zeros((0, 3)), np.zeros((0, 6)), 1.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class JobFrame:
-    """What set-up and drift are counted by: the work object measured, as it stands where the program's external axes begin,
-    the middle (3,) [m] and radius [m] of the measured places, base frame, and the job's duration [s] at the programmed feed."""
+    """What set-up and drift are counted by: the work object measured, the middle (3,) [m] and radius [m] of the measured
+    places, all in the robot's base as they stand where the program's external axes begin (the resting frame of
+    external_axes.py), and the job's duration [s] at the programmed feed."""
 
     base_from_object: Frame
     centre: Array
     radius: float
     duration: float
 
-    def columns(self, position: Array, time: Array) -> Array:
-        """Displacements (n, 3, 9) of unit parameters: 3 shifts, 3 turns that move a place at the radius by 1 m, 3 drifts by the
-        end of the job. position (n, 3) [m], time (n,) [s]; what is later than the job's end has drifted no further."""
+    def columns(self, position: Array, time: Array, to_base: Array | None = None) -> Array:
+        """Displacements (n, 3, 9), base frame, of unit parameters: 3 shifts, 3 turns that move a place at the radius by 1 m, 3
+        drifts by the end of the job. position (n, 3) [m] in the resting frame, whose directions are those of the base turned by
+        to_base (n, 3, 3), None: by nothing; time (n,) [s]; what is later than the job's end has drifted no further."""
         columns = np.zeros((len(position), 3, SETUP + DRIFT))
         lever = (position - self.centre) / self.radius
         share = np.clip(time / self.duration, 0.0, 1.0) if self.duration > 0 else np.zeros(len(time))
@@ -56,6 +58,8 @@ class JobFrame:
             columns[:, :, axis] = unit
             columns[:, :, 3 + axis] = np.cross(unit, lever)
             columns[:, :, SETUP + axis] = share[:, None] * unit
+        if to_base is not None:
+            columns[:, :, :SETUP] = to_base @ columns[:, :, :SETUP]
         return columns
 
 
@@ -127,7 +131,10 @@ class Learned:
         """At the targets (n,) of a path."""
         position, theta = path.base_from_tcp.position[targets], path.theta[targets]
         time = np.cumsum(np.nan_to_num(path.move_time, posinf=0.0))[targets]
-        columns, basis = self.frame.columns(position, time), self.remainder.basis(position, theta)
+        turned = path.axes.base_from_rest
+        columns = self.frame.columns(path.rest_from_tcp.position[targets], time,
+                                     None if turned is None else turned.rotation[targets])
+        basis = self.remainder.basis(position, theta)
         beyond = self.mean[self.springs:]
         weights = beyond[SETUP + DRIFT:].reshape(-1, 3)
         mean = columns @ beyond[:SETUP + DRIFT] + basis @ weights

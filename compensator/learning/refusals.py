@@ -51,7 +51,7 @@ def _missing(learning: Learning) -> str:
     """Which calibration is missing, by what the remainder looks like: a stretch of the work space is a scale, all else is
     not."""
     rows, remainder = learning.terms.rows, learning.parts["remainder"]
-    centred = (rows.position - learning.learned.frame.centre)[rows.place] / learning.learned.frame.radius
+    centred = (rows.position - rows.position.mean(axis=0))[rows.place] / learning.learned.frame.radius
     linear = (rows.direction[:, :, None] * centred[:, None, :]).reshape(len(rows), 9)
     fitted = linear @ np.linalg.lstsq(linear, remainder, rcond=None)[0]
     share = float(np.sum(fitted**2) / max(np.sum(remainder**2), 1e-300))

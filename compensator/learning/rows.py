@@ -6,6 +6,7 @@ smooth remainder does not change within a place.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from compensator.correction.pass_offsets import PassOffsets
 from compensator.correction.predict import Predicted
 from compensator.learning.measured_points import MeasuredPoints
 from compensator.learning.path_places import PathPlaces
+from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
 from identification.common.findings import Finding
 
@@ -31,7 +33,9 @@ class Rows:
     """n numbers at P places. value, sigma (n,) [m]: measured, less the offsets that the pass had; direction (n, 3), base frame,
     means of unit vectors; place (n,). position (P, 3) [m] and posture (P, 6) [rad] as planned, length (P,) [m] along the path,
     time (P,) [s]. steep (n,) [m/m]: how fast the predicted deviation changes along the path there. of_targets (n, 3 M) sparse:
-    means of a displacement (M, 3) of the targets with force, along the directions. along_normals: these are the surface's."""
+    means of a displacement (M, 3) of the targets with force, along the directions. along_normals: these are the surface's.
+    resting (P, 3) [m]: the places in the resting frame, to_base (P, 3, 3) its directions in the base frame; None where that is
+    the base."""
 
     value: Array
     sigma: Array
@@ -45,6 +49,13 @@ class Rows:
     of_targets: sparse.csr_array
     findings: tuple[Finding, ...] = ()
     along_normals: bool = False
+    resting: Array | None = None
+    to_base: Array | None = None
+
+    @property
+    def on_part(self) -> Array:
+        """The places (P, 3) [m] over the part, which stands still: in the resting frame."""
+        return self.position if self.resting is None else self.resting
 
     def __len__(self) -> int:
         return len(self.value)
@@ -65,7 +76,7 @@ class Rows:
         """These rows (n,) alone, places as they are."""
         return Rows(self.value[chosen], self.sigma[chosen], self.direction[chosen], self.place[chosen], self.position,
                     self.posture, self.length, self.time, self.steep[chosen], self.of_targets[np.flatnonzero(chosen)],
-                    along_normals=self.along_normals)
+                    along_normals=self.along_normals, resting=self.resting, to_base=self.to_base)
 
 
 def rows_of(
@@ -82,7 +93,8 @@ def rows_of(
     order[placed.rows] = np.arange(count)
     used = np.flatnonzero(order[points.point] >= 0)
     at = order[points.point[used]]
-    turn = path.base_from_object.rotation[targets[placed.before[at]]]
+    near = np.where(placed.share > 0.5, placed.after, placed.before)
+    turn = path.base_from_object.rotation[targets[near[at]]]
     direction = np.einsum("nij,nj->ni", turn, points.direction[used])
     # Numbers are averaged with those along nearly the same direction: opposite walls would cancel.
     main = np.argmax(np.abs(points.direction[used]), axis=1)
@@ -120,7 +132,20 @@ def rows_of(
                 position, posture, middle(placed.length)[:, 0], middle(placed.time)[:, 0],
                 np.asarray(abs(mean @ of_targets) @ slope_along(predicted, predicted.prediction.position).ravel()),
                 sparse.csr_array(mean @ of_targets),
-                tuple(findings), points.along_normals)
+                tuple(findings), points.along_normals, *_resting(path, middle, before, after, way))
+
+
+def _resting(
+    path: RobotPath, middle: Callable[[Array], Array], before: Indices, after: Indices, way: Array
+) -> tuple[Array | None, Array | None]:
+    """`resting` and `to_base` of rows whose places are means, `middle`, of those between the targets before and after."""
+    turned = path.axes.base_from_rest
+    if turned is None:
+        return None, None
+    place, ahead = path.rest_from_tcp.position, turned.rotation.reshape(-1, 9)
+    resting = middle((1 - way) * place[before] + way * place[after])
+    u, _, vt = np.linalg.svd(middle((1 - way) * ahead[before] + way * ahead[after]).reshape(-1, 3, 3))
+    return resting, np.asarray(u @ vt)
 
 
 def slope_along(predicted: Predicted, moved: Array) -> Array:

@@ -98,8 +98,8 @@ class Terms:
 
 def frame_of(rows: Rows, predicted: Predicted) -> JobFrame:
     """What set-up and drift of this job are counted by."""
-    centre = rows.position.mean(axis=0)
-    radius = float(np.sqrt(np.mean(np.sum((rows.position - centre) ** 2, axis=1)))) or 1.0
+    centre = rows.on_part.mean(axis=0)
+    radius = float(np.sqrt(np.mean(np.sum((rows.on_part - centre) ** 2, axis=1)))) or 1.0
     path, first = predicted.path, predicted.targets[:1]
     return JobFrame(path.axes.to_rest(path.base_from_object[first], first)[0], centre, radius, float(rows.time.max()))
 
@@ -112,4 +112,4 @@ def terms_of(rows: Rows, predicted: Predicted, model: IdentifiedModel, mean: Arr
     deviation, slopes = predict_path(loaded).position, deviation_slopes(loaded)[:, :3]
     by_x = rows.seen(slopes)
     residual = rows.value - rows.seen(deviation)[:, 0] + by_x @ (model.mean - mean)
-    return Terms(rows, frame, residual, by_x, rows.along(frame.columns(rows.position, rows.time)), before, job)
+    return Terms(rows, frame, residual, by_x, rows.along(frame.columns(rows.on_part, rows.time, rows.to_base)), before, job)

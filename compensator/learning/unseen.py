@@ -15,8 +15,11 @@ LEAST_SEEN = 0.01
 
 def said_of_unseen(rows: Rows, predicted: Predicted, source: str) -> list[Finding]:
     """A warning (CS5331) for each axis, in the work object, that the points do not see."""
-    share, axes = np.linalg.eigh(rows.direction.T @ rows.direction / max(len(rows), 1))
-    to_object = predicted.path.base_from_object[int(predicted.targets[0])].rotation.T
+    path, first, direction = predicted.path, predicted.targets[:1], rows.direction
+    if rows.to_base is not None:        # as the part has them, wherever its table stands
+        direction = np.einsum("nji,nj->ni", rows.to_base[rows.place], direction)
+    share, axes = np.linalg.eigh(direction.T @ direction / max(len(rows), 1))
+    to_object = path.axes.to_rest(path.base_from_object[first], first)[0].rotation.T
     findings = []
     for axis in axes.T[share < LEAST_SEEN * share.sum()]:
         along = to_object @ axis

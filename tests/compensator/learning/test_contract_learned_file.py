@@ -103,7 +103,7 @@ def test_a_set_up_repeats_on_a_table_that_turns_and_beside_a_robot_that_travels(
     ready.write()
     cell, file = read_cell(tmp_path / "cell.yaml"), tmp_path / "part.mod"
     path = robot_path(compstiff.read_toolpath(file, cell).toolpath, cell)
-    rows: Any = SimpleNamespace(position=path.base_from_tcp.position[1:], time=np.arange(3.0))
+    rows: Any = SimpleNamespace(on_part=path.rest_from_tcp.position[1:], time=np.arange(3.0))
     given = replace(learned(), frame=frame_of(rows, cast(Any, SimpleNamespace(path=path, targets=np.arange(1, 4)))))
     frame = job.in_world if on == "slide" else job.on_unit
     program = file.read_text()
