@@ -248,7 +248,8 @@ def test_a_verdict_that_diagnose_never_writes_is_none(cell, tmp_path, verdict: s
         read_diagnosis(file, cell)
     (said,) = refused.value.findings
     assert (said.code, said.file) == ("CS1650", str(file))
-    assert said.message == "verdict: Input should be 'adequate', 'named', 'ambiguous', 'unknown' or 'mistake'"
+    assert said.message == ("verdict: Input should be a valid string" if verdict is None else f"verdict: found '{verdict}', "
+                            "expected one of adequate, named, ambiguous, unknown, mistake")
 
 
 def test_files_that_are_no_diagnosis_of_this_cell(hard, tmp_path):
