@@ -6,6 +6,7 @@ command fails. Only this module and the command modules talk.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import functools
 import io
@@ -15,7 +16,7 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, TextIO
@@ -168,6 +169,25 @@ def _paths(kind: click.ParamType[Any], value: Any) -> list[tuple[str, Path]]:
 
 
 def _show(session: Session, outcome: Outcome, status: str, code: int) -> int:
+    """Prints an outcome; the exit code is its own, whether somebody reads on to the end or not."""
+    with readers_may_go():
+        _print(session, outcome, status, code)
+    return code
+
+
+@contextlib.contextmanager
+def readers_may_go() -> Iterator[None]:
+    """The reader of stdout goes away (`| head`): not a defect. Without this Python would complain when it flushes."""
+    try:
+        yield
+    except OSError as reason:
+        # Windows says EINVAL where the reader has gone.
+        if not (isinstance(reason, BrokenPipeError) or (os.name == "nt" and reason.errno == errno.EINVAL)):
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _print(session: Session, outcome: Outcome, status: str, code: int) -> None:
     from identification.common.findings import fold, printable
 
     if session.as_json:
@@ -176,7 +196,7 @@ def _show(session: Session, outcome: Outcome, status: str, code: int) -> int:
         elif code != outcome.exit_code or outcome.findings:
             # The call as a whole ended before its jobs did: a line of its own says why.
             click.echo(json.dumps(document(session, outcome, status, code), allow_nan=False))
-        return code
+        return
     for finding in outcome.findings if session.verbose else fold(outcome.findings):
         if finding.level == "error" or not session.quiet:
             click.echo(_in_lines(str(finding), sys.stderr), err=True)
@@ -184,7 +204,6 @@ def _show(session: Session, outcome: Outcome, status: str, code: int) -> int:
         click.echo(_in_lines(printable(line), sys.stdout))
     if outcome.next_step and not session.quiet:
         click.echo(f"next: {printable(outcome.next_step)}", err=True)
-    return code
 
 
 # A call of the command line with an option.
@@ -213,8 +232,10 @@ def main(group: click.Group) -> None:
         # What the terminal's code page does not have (cp1252 has no Greek) is written as its number, not refused.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+    code: str | int | None = DONE           # of a help text that nobody reads to its end
     try:
-        code = group.main(prog_name="compstiff", standalone_mode=False)
+        with readers_may_go():
+            code = group.main(prog_name="compstiff", standalone_mode=False)
     except SystemExit as done:
         code = done.code
     except click.ClickException as wrong:
@@ -229,11 +250,4 @@ def main(group: click.Group) -> None:
     except (KeyboardInterrupt, click.Abort):
         click.echo("interrupted", err=True)
         code = INTERRUPTED
-    except OSError as reason:
-        # Windows says EINVAL where the reader has gone.
-        if not (isinstance(reason, BrokenPipeError) or (os.name == "nt" and reason.errno == errno.EINVAL)):
-            raise
-        # The reader of stdout went away (`| head`): not a defect. Without this Python would complain when it flushes.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = DONE
     sys.exit(code)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from compstiff.cli.console import readers_may_go
 from compstiff.cli.signals import ending_signals
 from compstiff.outcome import INTERRUPTED, Outcome, Session
 
@@ -57,7 +58,8 @@ def correct_batch(
     with ending_signals() as signals:
         for result in correct_programs(batch, shared, processes=processes, scheduler=scheduler, stopped=lambda: bool(signals)):
             results.append(result)
-            _show(session, result)
+            with readers_may_go():
+                _show(session, result)
     if signals and len(results) < len(batch):
         findings = (Finding("CS6011", "error", f"interrupted: {len(results)} of {counted(len(batch), 'program')} dealt "
                             "with, no further one was begun"),)

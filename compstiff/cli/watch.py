@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from compensator.correction.settings import Settings
-from compstiff.cli.console import PATH, READABLE, Named, command
+from compstiff.cli.console import PATH, READABLE, Named, command, readers_may_go
 from compstiff.cli.options import CORRECTION_OPTIONS, FEED_OPTIONS, LOG_OPTIONS, PREDICT_FORCE, SPLITTING_OPTIONS, with_settings
 from compstiff.cli.signals import ending_signals
 from compstiff.outcome import DONE, INTERRUPTED, Outcome, Session
@@ -58,7 +58,8 @@ def watch(
         for result in watch_folder(source, Folders(output, offsets, report), shared, Rhythm(settle, interval, once, retry),
                                    stopped=lambda: bool(signals), say=session.say):
             codes.append(result.code)
-            _log(session, result)
+            with readers_may_go():
+                _log(session, result)
     if once and not signals:
         for finding in logs_without_program(source):
             session.say(str(finding))

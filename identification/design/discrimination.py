@@ -25,9 +25,8 @@ from identification.design.sheet import DWELL_S
 from identification.design.task import Demand, Task
 from identification.diagnosis.blocks import in_blocks
 from identification.diagnosis.discrimination import Rivals, Separation, discriminating, planned_rows, rivals_of, separation
-from identification.diagnosis.judgement import Verdict
 from identification.diagnosis.naming import converged
-from identification.diagnosis.record import FORMAT
+from identification.diagnosis.record import FORMAT, VERDICTS
 from identification.diagnosis.share import share_of
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import posterior
@@ -122,7 +121,7 @@ class _Visits(BaseModel):
 class _DiagnosisFile(BaseModel):
     """What of diagnosis.json counts for the next loads."""
 
-    verdict: Verdict
+    verdict: str
     alternatives: list[_Rival] = []
     causes: list[_Cause] = []
     visits: _Visits | None = None
@@ -149,6 +148,9 @@ def read_diagnosis(file: Path, cell: Cell) -> Diagnosed:
         first = problem.errors()[0]
         raise error("CS1650", f"{'.'.join(map(str, first['loc']))}: {first['msg']}", file=str(file),
                     hint="give what compstiff diagnose -o wrote, as it wrote it") from problem
+    if said.verdict not in VERDICTS:
+        raise error("CS1650", f"verdict: found '{said.verdict}', expected one of {', '.join(VERDICTS)}", file=str(file),
+                    hint="give what compstiff diagnose -o wrote, as it wrote it")
     known = effects()
     for rival in said.alternatives:
         if rival.effect not in known or rival.joint not in known[rival.effect].places:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from identification.common.arrays import rms
 from identification.common.quantities import cause_words
-from identification.diagnosis.judgement import Cause, Judgement
+from identification.diagnosis.judgement import Cause, Judgement, Verdict
 from identification.fit.bad_visits import ALARM as VISIT_ALARM
 from identification.fit.mending import BadVisit
 from identification.fit.visit_findings import sentence
 
 FORMAT = "compstiff-diagnosis"
+VERDICTS: tuple[str, ...] = get_args(Verdict)
 
 
 def record(judgement: Judgement) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -142,6 +143,17 @@ def test_ctrl_c_finishes_what_is_under_way(place: Shop, processes: int) -> None:
     # Every program that was written was reported, and the other way round.
     assert {Path(line["output"]).name for line in reported} == {path.name for path in out.glob("*.mod")}
     assert not list(out.glob(".*"))
+
+
+def test_a_reader_that_goes_away_leaves_no_program_undone(place: Shop) -> None:
+    """`| head -1`: it had ended as a defect behind the first."""
+    place.put("a", "b", "c")
+    words = map(str, [sys.executable, "-m", "compstiff", "correct", place.cell, place.source, "--stiffness", place.stiffness,
+                      "-o", place.folder / "out", "--json"])
+    done = subprocess.run(["bash", "-c", f"{shlex.join(words)} | true; echo ${{PIPESTATUS[0]}}"], capture_output=True,
+                          text=True, timeout=300)
+    assert (done.stdout, done.stderr) == ("0\n", "")
+    assert sorted(path.name for path in (place.folder / "out").glob("*.mod")) == ["a.mod", "b.mod", "c.mod"]
 
 
 @pytest.mark.parametrize("after", [1, 2, 3])

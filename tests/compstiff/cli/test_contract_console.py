@@ -135,6 +135,19 @@ def test_a_reader_that_goes_away_is_no_defect() -> None:
     assert done.stderr == ""
 
 
+@pytest.mark.parametrize(("words", "code"), [
+    ("robots --json", 0), ("check {cell} --json", 1), ("check none.yaml --json", 2)])
+def test_the_exit_code_is_the_outcome_s_where_nobody_reads_on(tmp_path: Path, words: str, code: int) -> None:
+    """`head` that has what it wanted, or `true`: what was done is done, and what failed has failed."""
+    (tmp_path / "cell.yaml").write_text("robot: nothing\n")
+    call = f"{sys.executable} -m compstiff {words.format(cell=tmp_path / 'cell.yaml')}"
+    done = subprocess.run(["bash", "-c", f"{call} | true; echo ${{PIPESTATUS[0]}}"], capture_output=True, text=True,
+                          timeout=300)
+    assert int(done.stdout) == code, done
+    assert "Traceback" not in done.stderr
+    assert "Exception" not in done.stderr
+
+
 def test_the_entry_is_a_program_and_a_module() -> None:
     """`python -m compstiff` runs it; to import it does nothing."""
     called = subprocess.run([sys.executable, "-m", "compstiff", "--version"], capture_output=True, text=True, timeout=300)

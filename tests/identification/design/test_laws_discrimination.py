@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import combinations
 from types import SimpleNamespace
 
@@ -12,12 +13,18 @@ import pytest
 from identification.common.findings import CompstiffError
 from identification.design import discrimination as design_discrimination
 from identification.design.criteria import d_criterion
-from identification.design.discrimination import discriminating_runs, read_diagnosis, rival_models
+from identification.design.discrimination import (
+    discriminating_design,
+    discriminating_runs,
+    read_diagnosis,
+    rival_models,
+)
 from identification.design.domain import Domain, random_pool
 from identification.design.exchange import many_exchanges
 from identification.design.information import instrument
 from identification.design.loads import slot
 from identification.design.request import measured_place
+from identification.design.search import Effort
 from identification.design.task import Task, free_demand
 from identification.diagnosis import discrimination as between_rivals
 from identification.diagnosis.diagnose import diagnose
@@ -206,6 +213,34 @@ def test_no_more_runs_are_taken_than_decide_and_the_likeliest_is_wrong_at_most_a
     assert len(np.unique(chosen.theta, axis=0)) == runs
 
 
+@pytest.mark.parametrize(("asked", "first"), [(3, 3), (5, 3)])
+def test_the_runs_that_decide_nothing_more_are_the_criterion_s(
+    monkeypatch: pytest.MonkeyPatch, domain, prior, asked: int, first: int,
+) -> None:
+    """Rivals that three runs tell apart to 2 %, as above: the others are better by D than most that a pool would give."""
+    def alike(rows, rivals):
+        grams = np.zeros((int(rows.visit.max()) + 1, 2, 2))
+        grams[:, -1, -1] = 8.0
+        return Separation(("one", "other"), np.array([0.9, 0.1]), ((0, 1),), (grams,), (np.eye(1),))
+
+    monkeypatch.setattr(design_discrimination, "separation", alike)
+    monkeypatch.setattr(design_discrimination, "certify", lambda *given, starts: (given[1], starts))
+    one_axis = replace(domain, slots=domain.slots[:1])
+    task = Task(one_axis, d_criterion(), prior, free_demand(1, asked))
+    design, told = discriminating_design(task, {}, np.random.default_rng(0), Effort(300, 8, 1, 0, 2))
+    rng = np.random.default_rng(0)
+    pool = random_pool(one_axis, 300, rng)
+    chosen, _ = discriminating_runs(task, {}, pool, rng)
+    assert (len(design.runs), len(chosen), told.runs) == (asked, first, first)
+    np.testing.assert_array_equal(design.runs.theta[:first], chosen.theta)
+    np.testing.assert_allclose(design.information, task.information(design.runs), rtol=1e-12)
+    assert design.certificate[0] is design.runs
+    if asked > first:
+        draws = np.random.default_rng(1).integers(0, len(pool), (200, asked - first))
+        others = [task.value(chosen.joined(pool.take(rows))) for rows in draws]
+        assert task.value(design.runs) > np.quantile(others, 0.95)
+
+
 def test_planned_runs_settle_what_is_open(tmp_path):
     """One further run in a case the plain answer leaves open (0.56) settles it, no worse than the D-optimal run does."""
     gained = []
@@ -248,7 +283,8 @@ def test_a_verdict_that_diagnose_never_writes_is_none(cell, tmp_path, verdict: s
         read_diagnosis(file, cell)
     (said,) = refused.value.findings
     assert (said.code, said.file) == ("CS1650", str(file))
-    assert said.message == "verdict: Input should be 'adequate', 'named', 'ambiguous', 'unknown' or 'mistake'"
+    assert said.message == ("verdict: Input should be a valid string" if verdict is None else f"verdict: found '{verdict}', "
+                            "expected one of adequate, named, ambiguous, unknown, mistake")
 
 
 def test_files_that_are_no_diagnosis_of_this_cell(hard, tmp_path):

@@ -17,6 +17,7 @@ from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.judge import NamedMistake
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import read_cell
+from tests.support import robot
 
 SAMPLES = shipped("samples")
 
@@ -54,6 +55,47 @@ def test_a_cell_over_two_lines_is_refused(tmp_path: Path, end: str) -> None:
     (tmp_path / "table.csv").write_text("\n".join([f"{head},remark", *rows]) + "\n", newline="")
     with pytest.raises(CompstiffError, match="table.csv:4: error CS0201: a cell in quotes"):
         read_measurements(tmp_path / "table.csv", read_cell(SAMPLES / "cell.yaml").robot)
+
+
+@pytest.mark.parametrize(("first", "from_the_start", "kept"), [
+    (65, True, "first"), (34, True, "last"), (65, False, "first"), (34, False, "last")])
+def test_of_rows_of_two_robots_those_of_the_robot_with_more_are_kept(
+    tmp_path: Path, first: int, from_the_start: bool, kept: str,
+) -> None:
+    """Whichever of them the search called the other one's; validate rows go with those about them."""
+    cell = read_cell(SAMPLES / "cell.yaml")
+    rows = read_measurements(SAMPLES / "measurements.csv", cell.robot)
+    fitted = rows.select(~rows.validate)
+    border = fitted.row[first]
+    others = fitted.row < border if from_the_start else fitted.row >= border
+    candidate = SimpleNamespace(mistake=SimpleNamespace(of="table"), rows=others, data=LoadTest.of(cell, fitted),
+                                models=(None, None))
+    written = mended_file(cell, rows, cast(NamedMistake, SimpleNamespace(candidate=candidate, sentence="made up"))).content
+    (tmp_path / "mended.csv").write_bytes(written)
+    # Validate rows between the last of the one and the first of the other are the latter's side of the border.
+    ends = fitted.row[first - 1] if from_the_start else border - 1
+    mine = rows.row <= ends if kept == "first" else rows.row > ends
+    assert mine.mean() > 0.5
+    again = read_measurements(tmp_path / "mended.csv", cell.robot)
+    np.testing.assert_allclose(again.theta, rows.theta[mine], atol=1e-9)
+    np.testing.assert_array_equal(again.validate, rows.validate[mine])
+    assert f"# {(~mine).sum()} rows are left out" in written.decode()
+
+
+def test_a_cell_of_another_robot_has_its_name_and_nothing_else_changed(tmp_path: Path) -> None:
+    cell = read_cell(SAMPLES / "cell.yaml")
+    rows = read_measurements(SAMPLES / "measurements.csv", cell.robot)
+    other = replace(cell, robot=robot("irb4600-60-2.05"))
+    candidate = SimpleNamespace(mistake=SimpleNamespace(of="cell", mended=lambda data: SimpleNamespace(cell=other)),
+                                data=LoadTest.of(cell, rows))
+    made = mended_file(cell, rows, cast(NamedMistake, SimpleNamespace(candidate=candidate, sentence="another robot")))
+    head, _, text = made.content.decode().partition("\n")
+    before = (SAMPLES / "cell.yaml").read_text()
+    assert before.count("irb6660-205-1.90") == 1
+    assert text == before.replace("irb6660-205-1.90", "irb4600-60-2.05")
+    assert head.endswith(": another robot")
+    (tmp_path / "mended.yaml").write_bytes(made.content)
+    assert read_cell(tmp_path / "mended.yaml").robot.name == "irb4600-60-2.05"
 
 
 def test_rows_that_lost_their_whole_reading_are_left_out_and_counted(tmp_path: Path) -> None:

@@ -14,10 +14,13 @@ from scipy.stats import chi2
 
 from identification.common.findings import CompstiffError, Finding
 from identification.fit.fit import Fit, _against_prior, _light_rows, _other_noise, fit_stiffness
+from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, Mend
+from identification.fit.noise import noise_model
 from identification.fit.report import identification_report
 from identification.fit.visits import VisitScore
 from tests.identification.fit.test_laws_posterior import NOISY, simulate
+from tests.virtual_cell.arm import IRB6660
 
 
 def told(fit: Fit, code: str) -> list[tuple[str, str, str]]:
@@ -93,6 +96,28 @@ def test_readings_that_remember_each_other_are_said(tmp_path: Path, memory: floa
 def fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
     cell, rows = simulate(tmp_path_factory.mktemp("fit"), np.random.default_rng(5), poses=8)
     return fit_stiffness(cell, rows)
+
+
+@pytest.mark.parametrize("ratio", [9900.0, 10100.0])
+def test_a_force_error_that_no_double_holds_beside_the_sensor_s_is_refused_at_its_row(fit: Fit, ratio: float) -> None:
+    """One per cent of a load in z, as far as it moves the independent arm, over the sensor's 2 um."""
+    rows, prior, row = fit.measurements, fit.cell.prior.stiffness, 7
+    one_newton = IRB6660.deviation(rows.theta[row], fit.cell.flange_from_tcp.position, np.array([0, 0, 1.0, 0, 0, 0]), prior)[0]
+    assert np.all(fit.cell.noise.deflection == 2e-6)
+    wrench = rows.wrench.copy()
+    wrench[row] = [0, 0, ratio * 2e-6 / (0.01 * np.abs(one_newton).max()), 0, 0, 0]
+    data = LoadTest.of(fit.cell, replace(rows, wrench=wrench))
+    if ratio < 1e4:
+        noise_model(data, 1 / prior)
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        noise_model(data, 1 / prior)
+    (said,) = stopped.value.findings
+    assert (said.code, said.file, said.line) == ("CS1081", rows.source, rows.line[row])
+    told = re.match(r"the force error moves the tool by (\S+) times the sensor's 1 sigma, at most 10000 can be computed",
+                    said.message)
+    assert told
+    assert float(told[1]) == pytest.approx(ratio, rel=0.01)
 
 
 @pytest.mark.parametrize(("ratio", "readings", "code", "said"), [

@@ -12,10 +12,12 @@ import pytest
 from identification.common.findings import CompstiffError
 from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
+from identification.model.effects_in_force import EffectInForce
 from identification.model.load_state import load_state
 from identification.model.rotations import Frame
-from identification.model.stiffness_file import read_stiffness
+from identification.model.stiffness_file import check_track, read_stiffness
 from tests.runs.command_line import user_files as kit
+from tests.support import write_cell
 from tests.virtual_cell.cell import Case, Hidden, simulate
 from tests.virtual_cell.effects_track import TRAVEL, UNITS
 
@@ -59,6 +61,23 @@ def test_it_is_the_virtual_cell_s(tmp_path: Path) -> None:
     assert not entry.contribution(other, None, np.array([1e-7, 1e-7])).any()
     assert entry.missing(other)
     assert not entry.missing(rows)
+
+
+@pytest.mark.parametrize("track", [True, False])
+def test_an_effect_of_the_track_needs_a_track(tmp_path: Path, track: bool) -> None:
+    """One of the robot does not."""
+    cell = read_cell(write_cell(tmp_path))
+    cell = replace(cell, robot=replace(cell.robot, track=np.array([1.0, 0, 0]) if track else None))
+    check_track(cell, (EffectInForce(effects()["backlash"], 2),), "k.json")
+    named = (EffectInForce(effects()["soft_track"], None), EffectInForce(effects()["backlash"], 2))
+    if track:
+        check_track(cell, named, "k.json")
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        check_track(cell, named, "k.json")
+    (said,) = stopped.value.findings
+    assert (said.code, said.file, said.message) == (
+        "CS4512", "k.json", "soft_track is an effect of the track under the robot, and the cell has none along one line")
 
 
 def test_it_is_named_where_it_is_hidden_and_carried_on(tmp_path: Path) -> None:

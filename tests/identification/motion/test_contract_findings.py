@@ -20,6 +20,7 @@ from identification.motion.dictionary import Shape
 from identification.motion.fit import fit_joint_logs, identified_model
 from identification.motion.lines import Line
 from identification.motion.log_file import MotionLog, read_motion_log
+from identification.motion.prediction import _splits
 from identification.motion.remainder import Remainder
 from tests.identification.motion.simulated_joint import columns, write
 from tests.support import write_cell
@@ -28,6 +29,7 @@ ANGLE, TORQUE = "the joint's angle", "the torque"
 
 
 def log_of(folder: Path, **changed: np.ndarray) -> MotionLog:
+    folder.mkdir(exist_ok=True)
     return read_motion_log(write(folder / "log.csv", columns(3, {}, seconds=10) | changed))
 
 
@@ -48,6 +50,22 @@ def test_a_log_that_does_not_tell_a_stiffness_says_so(tmp_path: Path) -> None:
     told = fit_joint_logs(cell, [log_of(tmp_path)])
     assert "CS1502" not in {one.code for one in told.findings}
     assert told.model.stiffness[1] == pytest.approx(5e6, rel=0.05)
+
+
+def test_a_single_record_is_held_out_in_five_blocks_of_its_time(tmp_path: Path) -> None:
+    """Each sample is predicted once, by the others; of several records each by the others, and none by itself."""
+    one, other = log_of(tmp_path), log_of(tmp_path / "b")
+    splits, how = _splits(2, [one], None)
+    assert how == "cross-validation by 5 blocks of time"
+    np.testing.assert_array_equal(np.concatenate([split.test.time for split in splits]), one.time)
+    for split in splits:
+        fitted = np.concatenate([piece.time for piece in split.train])
+        assert len(fitted) == len(one.time) - len(split.test.time)
+        assert not np.isin(split.test.time, fitted).any()
+        assert not split.apart
+    both, how = _splits(2, [one, other], None)
+    assert (how, [(split.train, split.test, split.apart) for split in both]) == (
+        "each record by the others", [([other], one, True), ([one], other, True)])
 
 
 def test_a_record_to_validate_with_has_the_same_joints(tmp_path: Path) -> None:
