@@ -124,6 +124,14 @@ def test_a_swing_is_seen_at_four_poses_and_without_the_loudest(
         assert found.log_std == pytest.approx(0.1)
 
 
+def test_force_errors_are_known_to_a_factor_of_two_beside_a_swing() -> None:
+    """ln 2: by one sigma either way half a unit of ln less likely, for what is the same along the load and across it."""
+    group: Any = SimpleNamespace(values=np.zeros((1, 1)), log_likelihood=lambda squared: np.zeros(1))
+    sizes = swing._Sizes((group,), np.zeros(4))
+    for off, cost in (([0.0, 0.7, 0.0, 0.0], 0.5), ([0.0, 0.0, -1.4, 0.0], 2.0), ([9.0, 0.0, 0.0, 9.0], 0.0)):
+        assert sizes.cost(np.array(off)) == pytest.approx(cost)
+
+
 @pytest.mark.parametrize(("p_value", "doubted"), [(0.0054, True), (0.0046, False)])
 def test_a_name_needs_what_one_in_two_hundred_data_sets_shows(p_value: float, doubted: bool) -> None:
     detection: Any = SimpleNamespace(p_value=p_value, resolution=0.001)

@@ -50,7 +50,7 @@ NOTHING: dict[str, Any] = {"force": 0.0, "absolute": 0.0, "offset": 0.0}
     ({"absolute": 1.0}, False, 0.0, 0.4, 0.0)])
 def test_what_is_not_stated_is_as_large_as_usual(
         data: LoadTest, part: dict[str, Any], stated: bool, share: float, newtons: float, microns: float) -> None:
-    """3 um of re-seating, half a per cent of the force and 0.4 N; from set-up to set-up a thousandth, of which five are there."""
+    """3 um of re-seating, half a per cent of the force and 0.4 N; from set-up to set-up five times a thousandth."""
     noise = replace(data.cell.noise, offset_stated=stated, force_relative_stated=stated, force_stated=stated)
     if not stated:
         noise = replace(noise, force_relative=0.0, force=np.zeros(3))
