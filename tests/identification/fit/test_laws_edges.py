@@ -315,7 +315,7 @@ def test_the_sizes_of_the_noise_s_parts_are_believed_by_these_densities() -> Non
 @pytest.mark.parametrize("part", [SETUP, MEMORY])
 def test_a_part_of_the_noise_is_asked_for_that_makes_the_rows_e_3_times_likelier(
         monkeypatch: pytest.MonkeyPatch, gained: float, asked: bool, part: int) -> None:
-    """Than the usual parts, as large as stated or, those that it may pass for, half or a fifth of that; in a size of its own."""
+    """Than the usual parts, as large as stated or, those that it may pass for, half or a fifth of that; in one of its sizes."""
     class Likely:
         def __init__(self, at: Any, beside: Any) -> None:
             self.with_it = at.noise.part == part

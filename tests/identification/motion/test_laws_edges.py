@@ -12,7 +12,10 @@ import numpy as np
 import pytest
 
 from identification.common.findings import CompstiffError
-from identification.motion import crosstalk, procedure, stiffness, transmission
+from identification.model.effects.encoder_slip import EncoderSlip
+from identification.model.effects.lost_samples import LostSamples
+from identification.motion import crosstalk, leaps, procedure, stiffness, transmission
+from identification.motion.leaps import Leap
 from identification.motion.lines import Line
 from identification.motion.log_file import read_motion_log
 from identification.motion.remainder import _spectrum
@@ -240,3 +243,53 @@ def test_a_cause_of_a_log_is_certain_to_nineteen_in_twenty(
     found, withdrawn = procedure._predictive(axis, hypotheses, hypotheses[2], Transmission(2), [], None)
     assert found is hypotheses[0 if certain else 2]
     assert withdrawn == ()
+
+
+def leap(effect: Any, size: float = 1e-4) -> Any:
+    return Leap(effect, 2, "a.csv", size, 1e-6, 5.0, 0.005)
+
+
+def moving(stands: float = 9.0) -> Any:
+    """A record of ten seconds at 250 Hz, which moves but for one sample so long after the middle."""
+    time = np.arange(2500) / RATE
+    speed = np.where(np.abs(time - 5.0 - stands) < 1e-6, 0.0, 0.3)
+    return SimpleNamespace(joints={2: SimpleNamespace(time=time, speed=speed)})
+
+
+@pytest.mark.parametrize(("larger", "seen"), [(2.1, True), (1.9, False)])
+def test_lost_samples_leave_twice_as_much_from_then_on(monkeypatch: pytest.MonkeyPatch, larger: float, seen: bool) -> None:
+    record = moving()
+    after = record.joints[2].time >= 5.0
+    left = iter([np.where(after, larger, 9.0), np.ones(2500)])
+    monkeypatch.setattr(leaps, "_left", lambda joint, record: next(left))
+    monkeypatch.setattr(leaps, "_less", lambda record, leap: record)
+    assert leaps._seen(leap(LostSamples()), record) is seen
+
+
+@pytest.mark.parametrize(("stands", "size", "seen"), [(0.096, 1e-4, False), (0.104, 1e-4, True), (-0.096, 1e-4, False),
+                                                     (9.0, 0.9e-5, False), (9.0, 1.1e-5, True)])
+def test_a_zero_leaps_in_motion_of_a_tenth_of_a_second_either_way(
+        monkeypatch: pytest.MonkeyPatch, stands: float, size: float, seen: bool) -> None:
+    """And by more than the samples scatter, which is 10 urad."""
+    monkeypatch.setattr(leaps, "_left", lambda joint, record: np.full(2500, 1e-5))
+    monkeypatch.setattr(leaps, "_less", lambda record, leap: record)
+    assert leaps._seen(leap(EncoderSlip(), size), moving(stands)) is seen
+
+
+@pytest.mark.parametrize(("chance", "aside", "found"), [
+    (0.011, 0.0, False), (0.009, 0.0, True), (0.009, 0.28, True), (0.009, 0.32, False)])
+def test_a_leap_is_rarer_than_one_in_a_hundred_where_the_record_is_most_abrupt(
+        monkeypatch: pytest.MonkeyPatch, chance: float, aside: float, found: bool) -> None:
+    """Both looks see it within 0.3 s: a step that is larger elsewhere is not it."""
+    time = np.arange(0.0, 8.0, 0.02)
+    def steps(axis: Any, record: Any, moments: Any) -> Any:
+        along = np.tile(np.where(np.abs(moments - (4.0 + aside)) < 0.005, 9.0, 0.0), 2)
+        return SimpleNamespace(along=along, by_chance=lambda largest, rng: chance if largest else 1.0)
+
+    it = leap(EncoderSlip())
+    for name, answer in (("axis_of", SimpleNamespace(time=time)), ("session", SimpleNamespace(axis=None)), ("_most_abrupt", 4.0),
+                         ("_at", it), ("_seen", True)):
+        monkeypatch.setattr(leaps, name, lambda *of, answer=answer: answer)
+    monkeypatch.setattr(leaps, "_steps", steps)
+    nothing: Any = None
+    assert leaps._largest(2, nothing, nothing) is (it if found else None)
