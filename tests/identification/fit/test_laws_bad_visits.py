@@ -128,6 +128,27 @@ def test_an_angle_is_wrong_that_is_e_5_times_likelier_and_fits(
         assert [found.missing, found.std, found.log_odds] == pytest.approx([0.02, 1e-3, support])
 
 
+def test_three_visits_are_looked_at_from_a_third_of_a_radian_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The likeliest of five, each for its likeliest angle."""
+    rows = SimpleNamespace(visit=np.arange(5), line=np.arange(5))
+    fitted: Any = SimpleNamespace(data=SimpleNamespace(rows=rows), terms=())
+    support, angle = np.zeros((5, 6)), np.zeros((5, 6))
+    support[:, 2], angle[:, 2] = [5.0, 9.0, 6.0, 8.0, 7.0], [0.1, 0.9, 0.1, -0.9, 0.29]
+    tried: list[tuple[int, int | None, float]] = []
+
+    def fit(data: Any, terms: Any, near: Any) -> Any:
+        (term,) = terms
+        tried.append((term.effect.visit, term.joint, float(term.start[0])))
+        return SimpleNamespace()
+
+    monkeypatch.setattr(wrong_angle, "_with_free_laws", lambda fitted: fitted)
+    monkeypatch.setattr(wrong_angle, "_near_none", lambda fitted: (support, angle))
+    monkeypatch.setattr(wrong_angle, "posterior", fit)
+    monkeypatch.setattr(wrong_angle, "averaged_evidence", lambda fit: 0.0)
+    assert likeliest_wrong_angle(fitted, np.arange(5)) is None
+    assert tried == [(1, 3, 0.3), (3, 3, -0.3), (4, 3, 0.29)]
+
+
 SIGMA = 2e-8
 
 
@@ -245,7 +266,7 @@ def test_a_slip_moves_an_axis_by_half_a_degree(fit: tuple[LoadTest, Any], degree
 
 
 def test_an_angle_off_by_any_amount_is_off_by_eight_degrees_beforehand() -> None:
-    """A visit that says 10 +- 2 degrees: with 8, 1 sigma, these are 9.41, 1.94, told as two sigmas. One that says nothing: any up to 20."""
+    """A visit that says 10 +- 2 degrees: with 8, 1 sigma, these are 9.41, 1.94, told as two sigmas. Up to 20 are tried."""
     def angles(says: float, std: float) -> list[tuple[Slip, float, float]]:
         def against(theta: Any, *of: Any) -> Any:
             off = np.degrees(theta).sum(axis=1) - 60.0
