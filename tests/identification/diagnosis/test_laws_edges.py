@@ -16,6 +16,7 @@ from scipy import stats
 from identification.diagnosis import detect, explaining, gross, procedure, swing
 from identification.diagnosis.explained import explained
 from identification.diagnosis.explaining import Explanation, louder, strained
+from identification.diagnosis.in_words import more_at_work
 from identification.diagnosis.judgement import Judgement
 from identification.diagnosis.odds import certain, doubt_of
 from identification.diagnosis.procedure import Procedure, least_odds, nearly_all
@@ -311,6 +312,13 @@ def test_a_row_is_bad_that_chance_makes_in_one_of_two_thousand(chance: float, ba
         low, high = (low, distance[7]) if rarer else (distance[7], high)
     found = gross.rare(distance, count, np.ones(60, dtype=bool), 3.0)
     assert found == ({7: pytest.approx(chance, rel=1e-3)} if bad else {})
+
+
+@pytest.mark.parametrize(("p_value", "more"), [(0.045, True), (0.055, False)])
+def test_something_more_is_at_work_where_one_in_twenty_would_show_what_is_left(p_value: float, more: bool) -> None:
+    judgement: Any = SimpleNamespace(verdict="named", causes=("a cause",), law_differs=False,
+                                     adequacy=SimpleNamespace(p_value=p_value))
+    assert more_at_work(judgement) is more
 
 
 @dataclass(frozen=True)
