@@ -19,8 +19,9 @@ from identification.fit.fitted_model import Term
 from identification.fit.identifiability import JointGrade, grade_joints
 from identification.fit.load_test import LoadTest
 from identification.fit.misfit import ModelCheck, beyond_stated, model_check
-from identification.fit.mistakes import judge
+from identification.fit.mistakes import judge, look, search
 from identification.fit.mistakes.joints import joint_mistakes
+from identification.fit.mistakes.look import Guess
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.slipped import slipped_mistakes
@@ -384,3 +385,68 @@ def test_a_profile_s_interval_is_that_of_the_likelihood(data: LoadTest) -> None:
         low, high = (1.0 / (1 + sign * stats.norm.isf(0.025) * std[joint]) for sign in (1, -1))
         within = np.array(profile.interval, dtype=float) / TRUE[joint]
         assert within == pytest.approx([low, high], rel=0.002 + 0.03 * std[joint])
+
+
+def guessed(key: str, score: float, size: Any = None) -> Guess:
+    return Guess(Mistake(key, "", "", "table", lambda data: data), None, score, 0.0, size=size)
+
+
+@pytest.mark.parametrize(("scores", "sizes", "kept"), [
+    # e^4 likelier than none (ln likelihood 7), but e^8 less with a size.
+    ([11.2], [-0.8], 2), ([10.8], [-1.2], 0),
+    # No more than e^30 behind the best; five at most, of those with a size any number.
+    ([90.0, 60.2], [], 2), ([90.0, 59.8], [], 1), ([90.0] * 6, [9.0] * 7, 12)])
+def test_a_mistake_is_worth_a_fit_that_a_quick_look_finds_so_likely(
+        monkeypatch: pytest.MonkeyPatch, scores: list[float], sizes: list[float], kept: int) -> None:
+    found = [guessed(f"column {k}", score) for k, score in enumerate(scores)]
+    sized = [guessed(f"size {k}", score, "any") for k, score in enumerate(sizes)]
+    monkeypatch.setattr(look, "sums", lambda linear: SimpleNamespace(total=lambda: None))
+    monkeypatch.setattr(look, "log_scores", lambda total, log_std: (np.array([7.0]), np.zeros((1, 6))))
+    itself: Any = SimpleNamespace(
+        data=None, _log_std=None, _linear=lambda data: None, _of_columns=lambda plain: found, _from_their_rows=lambda found: [],
+        _unlike=lambda guesses: guesses, _of_sizes=lambda springs: sized)
+    told = look.Look.guesses(itself)
+    assert len(told) == kept
+    assert sum(one.size is not None for one in told) == sum(score > -1 for score in sizes)
+
+
+@pytest.mark.parametrize(("second", "clear"), [(5.8, True), (6.2, False)])
+def test_rows_without_a_fit_have_a_mistake_that_is_e_4_likelier_than_any_other(
+        monkeypatch: pytest.MonkeyPatch, data: LoadTest, second: float, clear: bool) -> None:
+    guesses = [guessed("one", 10.0), guessed("two", second)]
+    monkeypatch.setattr(search, "Look", lambda data: SimpleNamespace(guesses=lambda: guesses))
+    mistake = search.likeliest_at_a_glance(data)
+    assert (mistake.key if mistake else "") == ("one" if clear else "")
+
+
+@pytest.mark.parametrize(("support", "fitted"), [
+    ([-2.9], ["0"]), ([-3.1], []), ([5.0, 9.0, 7.0, 6.0], ["1", "2", "3"])])
+def test_of_mistakes_with_a_size_the_three_likeliest_are_fitted_from_e_3_under_none(
+        monkeypatch: pytest.MonkeyPatch, support: list[float], fitted: list[str]) -> None:
+    sized = tuple(guessed(str(k), value, "any") for k, value in enumerate(support))
+    monkeypatch.setattr(search, "BesideWeight", lambda *of: None)
+    monkeypatch.setattr(search, "ordinary", lambda plain: None)
+    monkeypatch.setattr(search, "_support_near_none", lambda plain, weights, guess: guess.score)
+    noise = SimpleNamespace(active=(False,) * 6, weights=lambda *of: None)
+    plain: Any = SimpleNamespace(at_map=SimpleNamespace(noise=noise, row_weight=None), beside=None)
+    assert [guess.mistake.key for guess in search._hopeful(plain, sized)] == fitted
+
+
+class Long:
+    """So many rows of one visit."""
+
+    def __init__(self, visit: NDArray[np.intp]) -> None:
+        self.visit = visit
+
+    def __len__(self) -> int:
+        return len(self.visit)
+
+    def select(self, kept: NDArray[np.bool_]) -> Long:
+        return Long(self.visit[kept])
+
+
+@pytest.mark.parametrize(("rows", "looked_at"), [(1500, 1500), (1501, 751)])
+def test_mistakes_are_looked_for_in_fifteen_hundred_rows(data: LoadTest, rows: int, looked_at: int) -> None:
+    """Of more in every second."""
+    table: Any = Long(np.zeros(rows, dtype=np.intp))
+    assert len(search._thinned(data.with_rows(table)).rows) == looked_at
