@@ -44,8 +44,6 @@ NOT_TOGETHER = (TransmissionError.name, GearDamping.name)
 OF_A_GEAR = 2 * GearDamping.parameters[0].typical
 # A recorder's delay is no shorter than this share of a sample; a parameter is clear of nothing by so many of its sigmas.
 LEAST_DELAY, CLEAR = 0.01, 2.0
-# Residual variance, plain over extended, from which a misfit is gross.
-GROSS = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +111,7 @@ def _axis(
     told = axis_of(joint, records, BAND) if leaps else whole
     before, after = told.deflection - told.plain @ solve(told, told.plain).coefficients, _left(axis, named)
     explained = 1 - float(np.var(after) / np.var(before))
-    nearly = explained >= NEARLY_ALL and np.var(before) >= GROSS * np.var(after)
-    if causes and (nearly or not left.patterns):
+    if causes and (explained >= NEARLY_ALL or not left.patterns):
         # What happened at one moment predicts no other.
         gain = held_out(joint, BAND, named, found, records, validate)[0] if predicting else None
         return replace(answer, verdict="named", causes=causes, alternatives=alternatives, explained=explained, gain=gain)

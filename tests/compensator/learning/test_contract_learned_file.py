@@ -257,7 +257,8 @@ def matern(distance: float) -> float:
 
 def at(given: Learned, off: float = 0.0, turned: float = 0.0) -> Rest:
     """So far [m] beside the place, joint 4 turned by so much [rad]."""
-    path: Any = SimpleNamespace(base_from_tcp=Frame(np.eye(3)[None], np.array([[1.0, off, 0.5]])),
+    frame = Frame(np.eye(3)[None], np.array([[1.0, off, 0.5]]))
+    path: Any = SimpleNamespace(base_from_tcp=frame, rest_from_tcp=frame, axes=SimpleNamespace(base_from_rest=None),
                                 theta=np.array([[0, 0, 0, turned, 0, 0]]), move_time=np.zeros(1))
     return given.rest(path, np.arange(1))
 

@@ -15,10 +15,12 @@ from scipy import stats
 
 from identification.diagnosis import detect, explaining, gross, procedure, swing
 from identification.diagnosis.explained import explained
-from identification.diagnosis.explaining import Explanation, louder, strained
+from identification.diagnosis.explaining import Explaining, Explanation, louder, strained
+from identification.diagnosis.in_words import more_at_work
 from identification.diagnosis.judgement import Judgement
 from identification.diagnosis.odds import certain, doubt_of
 from identification.diagnosis.procedure import Procedure, least_odds, nearly_all
+from identification.diagnosis.projection import evidence, room
 from identification.diagnosis.search import log_prior
 from identification.diagnosis.share import share_of
 from identification.diagnosis.swing import swing_of
@@ -122,6 +124,14 @@ def test_a_swing_is_seen_at_four_poses_and_without_the_loudest(
     assert (found is not None) is seen
     if found is not None:
         assert found.log_std == pytest.approx(0.1)
+
+
+def test_force_errors_are_known_to_a_factor_of_two_beside_a_swing() -> None:
+    """ln 2: by one sigma either way half a unit of ln less likely, for what is the same along the load and across it."""
+    group: Any = SimpleNamespace(values=np.zeros((1, 1)), log_likelihood=lambda squared: np.zeros(1))
+    sizes = swing._Sizes((group,), np.zeros(4))
+    for off, cost in (([0.0, 0.7, 0.0, 0.0], 0.5), ([0.0, 0.0, -1.4, 0.0], 2.0), ([9.0, 0.0, 0.0, 9.0], 0.0)):
+        assert sizes.cost(np.array(off)) == pytest.approx(cost)
 
 
 @pytest.mark.parametrize(("p_value", "doubted"), [(0.0054, True), (0.0046, False)])
@@ -305,6 +315,13 @@ def test_a_row_is_bad_that_chance_makes_in_one_of_two_thousand(chance: float, ba
     assert found == ({7: pytest.approx(chance, rel=1e-3)} if bad else {})
 
 
+@pytest.mark.parametrize(("p_value", "more"), [(0.045, True), (0.055, False)])
+def test_something_more_is_at_work_where_one_in_twenty_would_show_what_is_left(p_value: float, more: bool) -> None:
+    judgement: Any = SimpleNamespace(verdict="named", causes=("a cause",), law_differs=False,
+                                     adequacy=SimpleNamespace(p_value=p_value))
+    assert more_at_work(judgement) is more
+
+
 @dataclass(frozen=True)
 class Told:
     """A judgement, or a cause, as far as names ask."""
@@ -423,3 +440,35 @@ def test_causes_explain_something_by_e_and_mistakes_are_clear_by_e_3_more_or_e_1
     nothing: Any = None
     judgement: Any = Told(plain=fitted, detection=SimpleNamespace(p_value=0.01))
     assert Procedure(nothing, {}, 0.05, 10, 0).named(judgement).verdict == verdict
+
+
+@pytest.mark.parametrize("positive", [False, True])
+@pytest.mark.parametrize(("information", "score"), [(2.0, 3.0), (0.05, -0.2), (4.0, 60.0), (9.0, -5.0)])
+def test_an_effect_is_as_likely_as_the_average_over_its_sizes(information: float, score: float, positive: bool) -> None:
+    """Within 1.5 typical sizes, 1 sigma, in nine cases of ten, within four times that in eight of a hundred, sixteen times in
+    two; the integral done in small steps, of one that has its sign over the half of it."""
+    size = np.linspace(0.0 if positive else -150.0, 150.0, 600_001)
+    density = sum(share * stats.norm(scale=1.5 * times).pdf(size) for share, times in ((0.9, 1.0), (0.08, 4.0), (0.02, 16.0)))
+    likely = np.exp(score * size - 0.5 * information * size**2 - max(0.0, 0.5 * score**2 / information))
+    wanted = np.log(np.trapezoid(density * likely, size) * (2 if positive else 1)) + max(0.0, 0.5 * score**2 / information)
+    found = evidence(np.array([[[information]]]), np.array([[score]]), np.array([positive]))
+    assert found == pytest.approx([wanted], abs=1e-4)
+
+
+def test_a_larger_effect_has_as_much_more_room() -> None:
+    assert [room(size) for size in (0.5, 1.4, 3.0)] == pytest.approx([1.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize(("times", "beyond"), [(0.96, False), (1.04, True)])
+def test_what_is_left_beside_causes_is_noise_of_three_times_the_stated(
+        monkeypatch: pytest.MonkeyPatch, times: float, beyond: bool) -> None:
+    """With 95 % confidence, where its size is known to a tenth: the causes explain the rows no further."""
+    monkeypatch.setattr(explaining, "goodness_of_fit", lambda *of: SimpleNamespace(p_value=0.5))
+    fitted = fit(sensor=float(times * 3.0 * np.exp(0.1 * stats.norm.isf(0.05))))
+    fitted.at_map.noise.active = (True,) * 6
+    fitted.data = SimpleNamespace(rows=SimpleNamespace(machined_pass=np.array([""])), cell=SimpleNamespace(
+        noise=SimpleNamespace(force_relative_stated=False)))
+    named: Any = SimpleNamespace(fitted=fitted)
+    found = Explaining({}, 0.05, 9, np.random.default_rng(0)).tested(named)
+    assert list(found.scatter) == ["sensor noise"] * beyond
+    assert found.enough is not beyond

@@ -3,6 +3,7 @@ outcome is given."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
@@ -14,12 +15,15 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from identification.fit import bad_visits as of_visits
-from identification.fit import validation, wrong_angle
+from identification.fit import mending, validation, wrong_angle
 from identification.fit.bad_visits import bad_visits
 from identification.fit.load_test import LoadTest
+from identification.fit.mending import BadVisit, Mend
 from identification.fit.posterior import posterior
 from identification.fit.row_slips import row_mend
+from identification.fit.slips import FROM_ANOTHER, Slip
 from identification.fit.validation import judge_validation
+from identification.fit.visit_findings import mending as mending_in_words
 from identification.fit.visits import VisitScore, VisitTest
 from identification.fit.wrong_angle import likeliest_wrong_angle
 from tests.identification.fit.exact_rows import by_compliance
@@ -124,6 +128,27 @@ def test_an_angle_is_wrong_that_is_e_5_times_likelier_and_fits(
         assert [found.missing, found.std, found.log_odds] == pytest.approx([0.02, 1e-3, support])
 
 
+def test_three_visits_are_looked_at_from_a_third_of_a_radian_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The likeliest of five, each for its likeliest angle."""
+    rows = SimpleNamespace(visit=np.arange(5), line=np.arange(5))
+    fitted: Any = SimpleNamespace(data=SimpleNamespace(rows=rows), terms=())
+    support, angle = np.zeros((5, 6)), np.zeros((5, 6))
+    support[:, 2], angle[:, 2] = [5.0, 9.0, 6.0, 8.0, 7.0], [0.1, 0.9, 0.1, -0.9, 0.29]
+    tried: list[tuple[int, int | None, float]] = []
+
+    def fit(data: Any, terms: Any, near: Any) -> Any:
+        (term,) = terms
+        tried.append((term.effect.visit, term.joint, float(term.start[0])))
+        return SimpleNamespace()
+
+    monkeypatch.setattr(wrong_angle, "_with_free_laws", lambda fitted: fitted)
+    monkeypatch.setattr(wrong_angle, "_near_none", lambda fitted: (support, angle))
+    monkeypatch.setattr(wrong_angle, "posterior", fit)
+    monkeypatch.setattr(wrong_angle, "averaged_evidence", lambda fit: 0.0)
+    assert likeliest_wrong_angle(fitted, np.arange(5)) is None
+    assert tried == [(1, 3, 0.3), (3, 3, -0.3), (4, 3, 0.29)]
+
+
 SIGMA = 2e-8
 
 
@@ -201,3 +226,66 @@ def test_a_reading_that_was_written_otherwise_is_told(factor: float, words: str)
     mend = row_mend(rows, read - right, np.full((3, 3), 2e-6), 1)
     assert mend is not None
     assert mend.what == f"the reading {words} would fit"
+
+
+def mended(monkeypatch: pytest.MonkeyPatch, kinds: Sequence[str], off: Sequence[Slip] = ()) -> list[float]:
+    """The probabilities of slips of these kinds, all of which explain a visit as well as "none of them" does and fit; off:
+    angles that are off by any amount, likewise."""
+    slips = [Slip(kind, f"slip {k}", np.zeros(6)) for k, kind in enumerate(kinds)]
+    any_angle = [(one, 0.0, 1.0) for one in off]
+    visit = SimpleNamespace(expected=None, anything=lambda: 0.0, directions=3, angles_off=lambda: any_angle,
+                            judged=lambda slips: (np.zeros(len(slips)), np.ones(len(slips))))
+    monkeypatch.setattr(mending, "slips_of", lambda *of: iter(slips))
+    monkeypatch.setattr(mending, "_new", lambda *of: True)
+    monkeypatch.setattr(mending, "_Visit", lambda *of: visit)
+    rows: Any = SimpleNamespace(row=np.arange(4), theta=np.zeros((4, 6)), select=lambda mine: None)
+    score: Any = SimpleNamespace(rows=np.array([1, 2]))
+    nothing: Any = None
+    return [mend.probability for mend in mending.mends(nothing, rows, score, 1.0, frozenset())]
+
+
+def test_a_slip_is_as_likely_as_its_kind_is_often_and_three_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of one kind each shares; another visit's angles are ten times rarer, an angle off by any amount three times."""
+    assert mended(monkeypatch, ["sign", "digit", "digit"]) == pytest.approx([1 / 3, 1 / 6, 1 / 6])
+    assert mended(monkeypatch, [FROM_ANOTHER]) == pytest.approx([0.1 / 1.1])
+    assert mended(monkeypatch, [], [Slip("angle", "any", np.zeros(6))]) == pytest.approx([1 / 4])
+    assert mended(monkeypatch, ["sign", "digit", "columns", "decimal point"]) == pytest.approx([1 / 5] * 3)
+
+
+@pytest.mark.parametrize(("probability", "told"), [(0.24, False), (0.26, True)])
+def test_a_slip_is_told_in_words_from_one_in_four(probability: float, told: bool) -> None:
+    bad = BadVisit(scored(1, [1, 2], 1e-3), (Mend("sign", "its sign", probability),))
+    words = mending_in_words(bad)
+    assert words.startswith(f"its sign ({100 * probability:.0f} % of what was tried)" if told else "is its pose")
+
+
+@pytest.mark.parametrize(("degrees", "new"), [(0.45, False), (0.55, True)])
+def test_a_slip_moves_an_axis_by_half_a_degree(fit: tuple[LoadTest, Any], degrees: float, new: bool) -> None:
+    theta = np.zeros(6)
+    assert mending._new(fit[1], theta, Slip("digit", "", theta + np.radians(degrees) * np.eye(6)[3])) is new
+
+
+def test_an_angle_off_by_any_amount_is_off_by_eight_degrees_beforehand() -> None:
+    """A visit that says 10 +- 2 degrees: with 8, 1 sigma, these are 9.41, 1.94, told as two sigmas. Up to 20 are tried."""
+    def angles(says: float, std: float) -> list[tuple[Slip, float, float]]:
+        def against(theta: Any, *of: Any) -> Any:
+            off = np.degrees(theta).sum(axis=1) - 60.0
+            distance = ((off - says) / std) ** 2
+            return -0.5 * distance, distance
+
+        visit: Any = SimpleNamespace(_rows=SimpleNamespace(theta=np.full((3, 6), np.radians(10.0))), _loads=None, _own=None,
+                                     _shared=0.0, _against=against)
+        return mending._Visit.angles_off(visit)
+
+    for axis, (slip, _, misfit) in enumerate(angles(10.0, 2.0), start=1):
+        told = re.fullmatch(rf"axis {axis} is 10 in the table; (.*) \+- (.*) would fit", slip.what)
+        assert told, slip.what
+        assert [float(word) for word in told.groups()] == pytest.approx([19.41, 2 * 1.94], abs=0.01)
+        assert misfit == pytest.approx(0.0, abs=1e-9)
+        assert np.degrees(slip.theta[axis - 1]) == pytest.approx(19.41, abs=0.01)
+    (_, _, misfit), *_ = angles(25.0, 1.0)
+    assert misfit == pytest.approx(25.0)
+    # Between two of the angles that are tried, a twentieth of a degree apart.
+    for says, left in ((10.025, 1.0), (10.05, 0.0)):
+        (_, _, misfit), *_ = angles(says, 0.025)
+        assert misfit == pytest.approx(left, abs=1e-6)

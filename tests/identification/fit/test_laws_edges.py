@@ -13,19 +13,28 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from scipy import stats
 
+from identification.fit import optional_parts
+from identification.fit.discrepancy import discrepancies
+from identification.fit.fitted_model import Term
 from identification.fit.identifiability import JointGrade, grade_joints
 from identification.fit.load_test import LoadTest
-from identification.fit.misfit import ModelCheck, beyond_stated
-from identification.fit.mistakes import judge
+from identification.fit.misfit import ModelCheck, beyond_stated, model_check
+from identification.fit.mistakes import judge, look, search
 from identification.fit.mistakes.joints import joint_mistakes
+from identification.fit.mistakes.look import Guess
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.slipped import slipped_mistakes
-from identification.fit.noise_parts import MEMORY, OFFSET, PARTS, SETUP, VarianceComponents
+from identification.fit.noise_parts import FORCE, MEMORY, OFFSET, PARTS, SETUP, VarianceComponents
+from identification.fit.posterior import posterior
+from identification.fit.profile import profiles
 from identification.fit.slips import slips_of
+from identification.fit.subsets import Conflict
 from identification.fit.variance_prior import log_prior
 from identification.fit.visit_findings import kinds_apart
-from tests.identification.fit.exact_rows import by_compliance
+from identification.fit.visits import tails
+from identification.model.effects import effects
+from tests.identification.fit.exact_rows import beside, by_compliance
 from tests.identification.fit.test_laws_posterior import TRUE, simulate
 
 Array = NDArray[np.float64]
@@ -301,3 +310,143 @@ def test_the_sizes_of_the_noise_s_parts_are_believed_by_these_densities() -> Non
         assert_allclose(believed(part, False) - wanted, np.log(2.0), atol=1e-12)
     for part in (SETUP, MEMORY):
         assert_allclose(believed(part, False), stats.halfcauchy(scale=2.0).logpdf(np.exp(logs)) + logs, atol=1e-12)
+
+
+@pytest.mark.parametrize(("gained", "asked"), [(2.9, False), (3.1, True)])
+@pytest.mark.parametrize("part", [SETUP, MEMORY])
+def test_a_part_of_the_noise_is_asked_for_that_makes_the_rows_e_3_times_likelier(
+        monkeypatch: pytest.MonkeyPatch, gained: float, asked: bool, part: int) -> None:
+    """Than the usual parts, as large as stated or, those that it may pass for, half or a fifth of that; in one of its sizes."""
+    class Likely:
+        def __init__(self, at: Any, beside: Any) -> None:
+            self.with_it = at.noise.part == part
+
+        def likelihood(self, logs: Array) -> Array:
+            beside = logs[:, FORCE] < np.log(0.6)
+            own = np.abs(logs[:, part] - np.log(5.0)) < 1e-9
+            return np.asarray(np.where(beside, 7.0, 0.0) + gained * (self.with_it & own & beside))
+
+    def noise(part: int) -> Any:
+        return SimpleNamespace(part=part, with_parts=lambda part, set_up: noise(part))
+
+    monkeypatch.setattr(optional_parts, "ComponentPosterior", Likely)
+    monkeypatch.setattr(optional_parts, "possible", lambda noise: (SETUP, MEMORY))
+    monkeypatch.setattr(optional_parts, "replace", lambda at, noise: SimpleNamespace(noise=noise))
+    at: Any = SimpleNamespace(noise=noise(-1))
+    assert optional_parts.asked_for(at, VarianceComponents(), np.zeros((1, 3, 0))).parts == (part,) * asked
+
+
+@pytest.mark.parametrize(("chance", "rejected"), [(1.1e-3, False), (0.9e-3, True)])
+def test_springs_are_rejected_by_a_misfit_that_chance_makes_in_one_of_a_thousand(
+        data: LoadTest, chance: float, rejected: bool) -> None:
+    """Of six kinds that are looked at, the last of them parts of the rows that want other springs."""
+    noise = 2e-6 * np.random.default_rng(8).standard_normal(data.rows.deflection.shape)
+    fitted = posterior(data.with_rows(replace(data.rows, deflection=data.rows.deflection + noise)))
+    conflict = Conflict("positive loads", "negative loads", (9, 9), 5.0, 2, chance / 60, chance / 6, np.zeros(6))
+    check = model_check(fitted, (conflict,))
+    assert check.p_value == pytest.approx(chance)
+    assert check.rejected is rejected
+    assert check.seen == "positive loads and negative loads want different stiffnesses"
+
+
+@pytest.mark.parametrize(("degrees", "rows", "judged"), [
+    (np.inf, 100, 20.0), (np.inf, 99, 6.0), (10.0, 100, 10.0), (10.0, 99, 6.0), (4.0, 99, 4.0)])
+def test_tails_are_as_heavy_as_so_many_rows_leave_open(degrees: float, rows: int, judged: float) -> None:
+    assert tails(degrees, rows) == judged
+
+
+def test_a_law_may_be_off_by_thirty_per_cent_of_its_size_and_a_structure_stiffen_by_fifteen(data: LoadTest) -> None:
+    """In each of its shapes, 1 sigma, as docs/effects.md says; of an effect of twice its typical size."""
+    state, seen = data.load_state(1 / TRUE), set()
+    for name, share in (("soft_zone", 0.3), ("base_rocking", 0.15)):
+        effect = effects()[name]
+        joint = effect.joints[0] if effect.joints else None
+        typical, neutral = effect.typical(state, joint), effect.neutral(state)
+        (free,) = discrepancies(state, (Term(effect, joint, neutral + 2 * (typical - neutral), typical, neutral),))
+        width = 5.0 * free.scale
+        assert np.any(np.isclose(width, share * 2))
+        seen |= {round(float(one), 9) for one in width}
+    assert seen <= {0.6, 0.3, 2.0}
+
+
+def test_a_profile_s_interval_is_that_of_the_likelihood(data: LoadTest) -> None:
+    """Least squares of the compliances, all others free: 1.96 of their standard deviations either way, of a linear model under
+    small loads and a prior that says nothing."""
+    noise = replace(data.cell.noise, deflection=np.full(3, 2e-8), pose_offset=np.zeros(3), force=np.zeros(3),
+                    force_relative=0.0)
+    cell = replace(data.cell, noise=noise, prior=replace(data.cell.prior, stiffness=TRUE, relative_std=np.full(6, 30.0)))
+    wrench = 0.02 * data.rows.wrench
+    each = by_compliance(data.rows.theta, cell.flange_from_tcp.position, wrench[:, :3]) / TRUE
+    rows = replace(data.rows, wrench=wrench, deflection=each.sum(axis=2) + 2e-8 * beside(each))
+    fitted = posterior(LoadTest.of(cell, rows))
+    columns = each.reshape(-1, 6) / (2e-8 * fitted.components.sensor)
+    std = np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
+    for joint, profile in enumerate(profiles(fitted)):
+        low, high = (1.0 / (1 + sign * stats.norm.isf(0.025) * std[joint]) for sign in (1, -1))
+        within = np.array(profile.interval, dtype=float) / TRUE[joint]
+        assert within == pytest.approx([low, high], rel=0.002 + 0.03 * std[joint])
+
+
+def guessed(key: str, score: float, size: Any = None) -> Guess:
+    return Guess(Mistake(key, "", "", "table", lambda data: data), None, score, 0.0, size=size)
+
+
+@pytest.mark.parametrize(("scores", "sizes", "kept"), [
+    # e^4 likelier than none (ln likelihood 7), but e^8 less with a size.
+    ([11.2], [-0.8], 2), ([10.8], [-1.2], 0),
+    # No more than e^30 behind the best; five at most, of those with a size any number.
+    ([90.0, 60.2], [], 2), ([90.0, 59.8], [], 1), ([90.0] * 6, [9.0] * 7, 12)])
+def test_a_mistake_is_worth_a_fit_that_a_quick_look_finds_so_likely(
+        monkeypatch: pytest.MonkeyPatch, scores: list[float], sizes: list[float], kept: int) -> None:
+    found = [guessed(f"column {k}", score) for k, score in enumerate(scores)]
+    sized = [guessed(f"size {k}", score, "any") for k, score in enumerate(sizes)]
+    monkeypatch.setattr(look, "sums", lambda linear: SimpleNamespace(total=lambda: None))
+    monkeypatch.setattr(look, "log_scores", lambda total, log_std: (np.array([7.0]), np.zeros((1, 6))))
+    itself: Any = SimpleNamespace(
+        data=None, _log_std=None, _linear=lambda data: None, _of_columns=lambda plain: found, _from_their_rows=lambda found: [],
+        _unlike=lambda guesses: guesses, _of_sizes=lambda springs: sized)
+    told = look.Look.guesses(itself)
+    assert len(told) == kept
+    assert sum(one.size is not None for one in told) == sum(score > -1 for score in sizes)
+
+
+@pytest.mark.parametrize(("second", "clear"), [(5.8, True), (6.2, False)])
+def test_rows_without_a_fit_have_a_mistake_that_is_e_4_likelier_than_any_other(
+        monkeypatch: pytest.MonkeyPatch, data: LoadTest, second: float, clear: bool) -> None:
+    guesses = [guessed("one", 10.0), guessed("two", second)]
+    monkeypatch.setattr(search, "Look", lambda data: SimpleNamespace(guesses=lambda: guesses))
+    mistake = search.likeliest_at_a_glance(data)
+    assert (mistake.key if mistake else "") == ("one" if clear else "")
+
+
+@pytest.mark.parametrize(("support", "fitted"), [
+    ([-2.9], ["0"]), ([-3.1], []), ([5.0, 9.0, 7.0, 6.0], ["1", "2", "3"])])
+def test_of_mistakes_with_a_size_the_three_likeliest_are_fitted_from_e_3_under_none(
+        monkeypatch: pytest.MonkeyPatch, support: list[float], fitted: list[str]) -> None:
+    sized = tuple(guessed(str(k), value, "any") for k, value in enumerate(support))
+    monkeypatch.setattr(search, "BesideWeight", lambda *of: None)
+    monkeypatch.setattr(search, "ordinary", lambda plain: None)
+    monkeypatch.setattr(search, "_support_near_none", lambda plain, weights, guess: guess.score)
+    noise = SimpleNamespace(active=(False,) * 6, weights=lambda *of: None)
+    plain: Any = SimpleNamespace(at_map=SimpleNamespace(noise=noise, row_weight=None), beside=None)
+    assert [guess.mistake.key for guess in search._hopeful(plain, sized)] == fitted
+
+
+class Long:
+    """So many rows of one visit."""
+
+    def __init__(self, visit: NDArray[np.intp]) -> None:
+        self.visit = visit
+
+    def __len__(self) -> int:
+        return len(self.visit)
+
+    def select(self, kept: NDArray[np.bool_]) -> Long:
+        return Long(self.visit[kept])
+
+
+@pytest.mark.parametrize(("rows", "looked_at"), [(1500, 1500), (1501, 751)])
+def test_mistakes_are_looked_for_in_fifteen_hundred_rows(data: LoadTest, rows: int, looked_at: int) -> None:
+    """Of more in every second."""
+    table: Any = Long(np.zeros(rows, dtype=np.intp))
+    assert len(search._thinned(data.with_rows(table)).rows) == looked_at

@@ -12,11 +12,12 @@ from scipy.stats import chi2
 from identification.fit import mending
 from identification.fit.slips import Slip
 
-RIGHT, SLIGHT = (chi2.isf(chance, 3) for chance in (2e-3, 5e-4))
+RIGHT, SLIGHT = (chi2.isf(chance, 3) for chance in (1.1e-3, 0.9e-3))
 
 
 @pytest.mark.parametrize(("weight", "fits", "told"), [
     ([0.0, -1.0, -9.0], [1.0, RIGHT, 1.0], [0, 1]), ([0.0, -1.0, -9.0], [1.0, SLIGHT, 1.0], [0]),
+    ([0.0, -2.36, -9.0], [1.0, 1.0, 1.0], [0]), ([0.0, -2.15, -9.0], [1.0, 1.0, 1.0], [0, 1]),
     ([0.0, -1.0, -9.0], [SLIGHT, RIGHT, 1.0], [1]), ([-8.0, -8.0, -8.0], [1.0, 1.0, 1.0], [])])
 def test_a_slip_is_told_that_is_likely_and_fits(
     monkeypatch: pytest.MonkeyPatch, weight: list[float], fits: list[float], told: list[int],

@@ -12,7 +12,10 @@ import numpy as np
 import pytest
 
 from identification.common.findings import CompstiffError
-from identification.motion import crosstalk, procedure, stiffness, transmission
+from identification.model.effects.encoder_slip import EncoderSlip
+from identification.model.effects.lost_samples import LostSamples
+from identification.motion import crosstalk, inner_friction, leaps, lines, procedure, stiffness, transmission
+from identification.motion.leaps import Leap
 from identification.motion.lines import Line
 from identification.motion.log_file import read_motion_log
 from identification.motion.remainder import _spectrum
@@ -227,3 +230,100 @@ def test_a_cause_of_a_log_is_certain_to_nineteen_in_twenty(
     found, withdrawn = procedure._predictive(axis, hypotheses, hypotheses[2], Transmission(2), [], None)
     assert found is hypotheses[0 if certain else 2]
     assert withdrawn == ()
+
+
+def leap(effect: Any, size: float = 1e-4) -> Any:
+    return Leap(effect, 2, "a.csv", size, 1e-6, 5.0, 0.005)
+
+
+def moving(stands: float = 9.0) -> Any:
+    """A record of ten seconds at 250 Hz, which moves but for one sample so long after the middle."""
+    time = np.arange(2500) / RATE
+    speed = np.where(np.abs(time - 5.0 - stands) < 1e-6, 0.0, 0.3)
+    return SimpleNamespace(joints={2: SimpleNamespace(time=time, speed=speed)})
+
+
+@pytest.mark.parametrize(("larger", "seen"), [(2.1, True), (1.9, False)])
+def test_lost_samples_leave_twice_as_much_from_then_on(monkeypatch: pytest.MonkeyPatch, larger: float, seen: bool) -> None:
+    record = moving()
+    after = record.joints[2].time >= 5.0
+    left = iter([np.where(after, larger, 9.0), np.ones(2500)])
+    monkeypatch.setattr(leaps, "_left", lambda joint, record: next(left))
+    monkeypatch.setattr(leaps, "_less", lambda record, leap: record)
+    assert leaps._seen(leap(LostSamples()), record) is seen
+
+
+@pytest.mark.parametrize(("stands", "size", "seen"), [(0.096, 1e-4, False), (0.104, 1e-4, True), (-0.096, 1e-4, False),
+                                                     (9.0, 0.9e-5, False), (9.0, 1.1e-5, True)])
+def test_a_zero_leaps_in_motion_of_a_tenth_of_a_second_either_way(
+        monkeypatch: pytest.MonkeyPatch, stands: float, size: float, seen: bool) -> None:
+    """And by more than the samples scatter, which is 10 urad."""
+    monkeypatch.setattr(leaps, "_left", lambda joint, record: np.full(2500, 1e-5))
+    monkeypatch.setattr(leaps, "_less", lambda record, leap: record)
+    assert leaps._seen(leap(EncoderSlip(), size), moving(stands)) is seen
+
+
+@pytest.mark.parametrize(("chance", "aside", "found"), [
+    (0.011, 0.0, False), (0.009, 0.0, True), (0.009, 0.28, True), (0.009, 0.32, False)])
+def test_a_leap_is_rarer_than_one_in_a_hundred_where_the_record_is_most_abrupt(
+        monkeypatch: pytest.MonkeyPatch, chance: float, aside: float, found: bool) -> None:
+    """Both looks see it within 0.3 s: a step that is larger elsewhere is not it."""
+    time = np.arange(0.0, 8.0, 0.02)
+    def steps(axis: Any, record: Any, moments: Any) -> Any:
+        along = np.tile(np.where(np.abs(moments - (4.0 + aside)) < 0.005, 9.0, 0.0), 2)
+        return SimpleNamespace(along=along, by_chance=lambda largest, rng: chance if largest else 1.0)
+
+    it = leap(EncoderSlip())
+    for name, answer in (("axis_of", SimpleNamespace(time=time)), ("session", SimpleNamespace(axis=1)), ("_most_abrupt", 4.0),
+                         ("_at", it), ("_seen", True)):
+        monkeypatch.setattr(leaps, name, lambda *of, answer=answer: answer)
+    monkeypatch.setattr(leaps, "_steps", steps)
+    nothing: Any = None
+    assert leaps._largest(2, nothing, nothing) is (it if found else None)
+
+
+@pytest.mark.parametrize(("span", "reached", "found"), [(0.022, 4, True), (0.022, 5, False), (0.018, 0, False)])
+def test_a_line_is_found_that_one_in_a_hundred_of_499_residuals_reaches(
+        monkeypatch: pytest.MonkeyPatch, span: float, reached: int, found: bool) -> None:
+    """By a joint that moves by 20 mrad."""
+    axis = SimpleNamespace(angle=np.linspace(0.0, span, 50), logs=[SimpleNamespace(time=np.arange(50) / RATE)])
+    session: Any = SimpleNamespace(axis=axis, resolution=300.0, speed=np.ones(50))
+    cycles = 600.0 + 10.0 * np.arange(9)
+    spectrum = SimpleNamespace(gain=lambda: np.where(cycles == 640, 9.0, 1.0), by_chance=lambda count, rng: np.where(
+        np.arange(count) < reached, 9.5, 2.0)[:, None] * np.ones(9))
+    monkeypatch.setattr(lines, "fitted", lambda one, of: SimpleNamespace(left=None, noise=None, session=session))
+    monkeypatch.setattr(lines, "frequencies", lambda *of: SimpleNamespace(cycles=cycles))
+    monkeypatch.setattr(lines, "angle_spectrum", lambda *of: spectrum)
+    monkeypatch.setattr(lines, "_refined", lambda fits, cycles, apart: (cycles, 0.1))
+    told = lines.search([session], np.random.default_rng(0))
+    assert [(line.cycles, line.p_value) for line in told] == [(640.0, (1 + reached) / 500)] * found
+
+
+@pytest.mark.parametrize(("same", "holds"), [(0.52, True), (0.48, False)])
+def test_a_line_s_phase_holds_that_predicts_half_as_well_as_the_record_s_own(same: float, holds: bool) -> None:
+    assert Line(100.0, 0.1, 0.002, 0.002, (4.0, 4.0 * same)).phase_holds is holds
+
+
+@pytest.mark.parametrize(("alone", "beside", "told"), [(3.2, 3.2, True), (2.8, 9.0, False), (9.0, 2.8, False)])
+def test_another_joint_s_torque_is_a_cause_that_is_e_3_times_likelier(
+        monkeypatch: pytest.MonkeyPatch, alone: float, beside: float, told: bool) -> None:
+    """Beside all causes of the dictionary, and beside the likeliest of them."""
+    shape = SimpleNamespace(name="torque_crosstalk", columns=np.ones((9, 1)))
+    best = SimpleNamespace(shapes=(), columns=lambda axis: "best")
+    monkeypatch.setattr(crosstalk, "shapes", lambda *of: [[shape]])
+    monkeypatch.setattr(crosstalk, "survey", lambda axis: (best,))
+    monkeypatch.setattr(crosstalk, "turned", lambda axis, tried: SimpleNamespace(plain=np.ones((9, 1))))
+    monkeypatch.setattr(crosstalk, "evidence", lambda axis, shape, base: (
+        {"widest": alone, "best": beside}[base] if isinstance(base, str) else 1.0))
+    monkeypatch.setattr(crosstalk, "_found_again", lambda *of: True)
+    axis: Any = SimpleNamespace(logs=[SimpleNamespace(others={3: None})], rates=None, band=6.0, widest="widest")
+    assert crosstalk.crosstalk(axis) == [shape] * told
+
+
+@pytest.mark.parametrize(("evidence", "kept"), [(3.2, True), (2.8, False)])
+def test_friction_inside_a_gear_is_looked_for_where_the_twist_has_it_by_e_3(
+        monkeypatch: pytest.MonkeyPatch, evidence: float, kept: bool) -> None:
+    monkeypatch.setattr(inner_friction, "_more_than_noise", lambda axis, inside: False)
+    monkeypatch.setattr(inner_friction, "_evidence", lambda axis, inside: evidence)
+    axis = inner_friction.without_torque_noise(dictionary("joint_friction", "hysteresis"))
+    assert [group[0].name for group in axis.dictionary] == ["joint_friction", "hysteresis"][:2 if kept else 1]
