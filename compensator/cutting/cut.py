@@ -19,7 +19,7 @@ from compensator.cutting.track import Track, in_object, refuse_other_objects, st
 from compensator.path.driven_path import DrivenPath, driven_path
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
-from identification.common.findings import Finding, Refused, counted, error
+from identification.common.findings import Finding, Refused, counted, error, verb
 
 # Steps of a track are so long at most, and this share of the cutter's radius [m].
 LONGEST, SHARE = 0.5e-3, 1 / 16
@@ -186,8 +186,9 @@ class Cut:
         if CHIPS[0] <= part <= CHIPS[1] and SPEEDS[0] <= speed <= SPEEDS[1]:
             return []
         return [Finding(
-            "CS4748", "warning", f"a tooth takes {1e3 * middle:.3g} mm, {100 * part:.2g} % of the diameter, at {60 * speed:.0f}"
-            f" m/min: end mills take {100 * CHIPS[0]:g} to {100 * CHIPS[1]:g} % at up to {60 * SPEEDS[1]:g} m/min",
+            "CS4748", "warning", f"a tooth takes {1e3 * middle:.3g} mm, {100 * part:.2g} % of the diameter, at "
+            f"{60 * speed:.3g} m/min: end mills take {100 * CHIPS[0]:g} to {100 * CHIPS[1]:g} % at {60 * SPEEDS[0]:g} to "
+            f"{60 * SPEEDS[1]:g} m/min",
             file=str(self.path.cell.source), hint="are spindle_rpm, cutting.teeth and cutting.tool_diameter_mm those of this "
             "program, and its feeds mm/s?")]
 
@@ -208,7 +209,8 @@ class Cut:
             return []
         return [self.path.finding(
             int(moves[0]), "CS4749", "warning", f"{counted(len(moves), 'move')} at {1e3 * float(feed[moves].max()):.4g} mm/s "
-            f"go through the stock, where the others cut at {1e3 * float(np.median(feed[known])):.4g}: moves of the air?",
+            f"{verb(len(moves), 'go')} through the stock, where the others cut at {1e3 * float(np.median(feed[known])):.4g}: "
+            "moves of the air?",
             "where does the stock stand in the program's work object, and how high is it?")]
 
 

@@ -20,7 +20,7 @@ _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u20
 
 
 # Verbs that do not take an s behind one.
-SINGULAR = {"are": "is", "were": "was", "have": "has", "do": "does"}
+SINGULAR = {"are": "is", "were": "was", "have": "has", "do": "does", "go": "goes"}
 
 
 def printable(text: str) -> str:

@@ -13,8 +13,9 @@ from numpy.testing import assert_allclose
 import compstiff
 from compensator.correction.pass_offsets import PassOffsets, read_offsets
 from compensator.correction.settings import Estimate
-from identification.common.findings import Refused
+from identification.common.findings import CompstiffError, Refused
 from identification.model.stiffness import IdentifiedModel
+from tests.compensator.path.test_laws_timing import lines, program
 
 CELL = """\
 robot: irb6660-205-1.90
@@ -152,3 +153,16 @@ def test_some_of_them(targets_of_it: np.ndarray) -> None:
     expected = {(1, 2, 3): [(1, 0.2), (1, 0.7), (2, 0.4)], (0, 1, 3): [(1, 0.5)]}[tuple(targets_of_it.tolist())]
     assert list(zip(few.before.tolist(), few.share.tolist(), strict=True)) == expected
     assert_allclose(few.given, had.given[targets_of_it])
+
+
+@pytest.mark.parametrize(("off_um", "own"), [(1.8, True), (2.2, False)])
+def test_offsets_are_a_programs_whose_places_they_have_to_two_micrometres(tmp_path: Path, off_um: float, own: bool) -> None:
+    """The second of three targets stands elsewhere in the file."""
+    path = program(tmp_path, lines([[1100.0, 0, 700], [1110, 0, 700], [1120, 0, 700]], "v50", "z1"))
+    (tmp_path / "offsets.csv").write_text("target,x_mm,y_mm,z_mm,ox_mm,oy_mm,oz_mm\n0,1100,0,700,0,0,0\n"
+                                          f"1,1110,{1e-3 * off_um:.6f},700,0.1,0.2,0.3\n2,1120,0,700,0,0,0\n")
+    if own:
+        np.testing.assert_allclose(read_offsets(tmp_path / "offsets.csv", path).given[1], [1e-4, 2e-4, 3e-4])
+        return
+    with pytest.raises(CompstiffError, match=r"CS4121: .*: target 1 is 0.0022 mm from where this program has it"):
+        read_offsets(tmp_path / "offsets.csv", path)

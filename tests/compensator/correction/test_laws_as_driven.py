@@ -96,12 +96,15 @@ def test_the_sample_as_it_is_and_its_corrected_program(sample_inputs: Inputs, pl
     assert "CS3075" in {finding.code for finding in again.findings}
 
 
-@pytest.mark.parametrize(("aside_mm", "said"), [(0.0, []), (0.5, []), (3.0, ["CS3120 False"]), (-2.0, ["CS3120 False"])])
-def test_a_long_move_that_was_changed_since_is_told(tmp_path: Path, aside_mm: float, said: list[str]) -> None:
-    """Five straight moves of 30 mm; the pass that was logged had one of them elsewhere, as of the program before an edit."""
-    path = Path3(np.array([[30.0 * i, 0, 0] for i in range(6)]))
-    way = np.arange(0.0, 150.0, 0.05)
-    there = np.column_stack([way, np.where((way > 60) & (way < 90), aside_mm, 0.0), 0 * way])
+@pytest.mark.parametrize(("long_mm", "aside_mm", "said"), [
+    (30.0, 0.0, []), (30.0, 0.9, []), (30.0, 1.1, ["CS3120 False"]), (30.0, -2.0, ["CS3120 False"]),
+    (22.0, 2.0, ["CS3120 False"]), (18.0, 2.0, [])])
+def test_a_long_move_that_was_changed_since_is_told(tmp_path: Path, long_mm: float, aside_mm: float, said: list[str]) -> None:
+    """Five straight moves, from 20 mm on; the pass that was logged had one of them elsewhere, by over a millimetre, as of the
+    program before an edit."""
+    path = Path3(np.array([[long_mm * i, 0, 0] for i in range(6)]))
+    way = np.arange(0.0, 5 * long_mm, 0.05)
+    there = np.column_stack([way, np.where((way > 2 * long_mm) & (way < 3 * long_mm), aside_mm, 0.0), 0 * way])
     rows = np.column_stack([path.at(there), np.tile([20.0, 10.0, -5.0], (len(way), 1))])
     Job(tmp_path, program=path.program(), forces="\n".join(["x_mm,y_mm,z_mm,fx_n,fy_n,fz_n", *(
         ",".join(f"{value:.9g}" for value in row) for row in rows)]) + "\n").write()
@@ -156,3 +159,71 @@ def test_an_arc_that_was_changed_since_is_told(tmp_path: Path) -> None:
     planned = predict_files(Inputs(tmp_path / "cell.yaml", tmp_path / "part.mod", tmp_path / "stiffness.json",
                                    tmp_path / "forces.csv"))
     assert codes(planned, None) == ["CS3120 False"]
+
+
+def shares(planned: Predicted) -> tuple[np.ndarray, np.ndarray]:
+    """The deflection (N, 3) [m] across the path, and as much across both."""
+    way = np.gradient(planned.path.base_from_tcp.position, axis=0)
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    d = deflection(planned)
+    d -= np.einsum("ni,ni->n", d, way)[:, None] * way
+    return d, np.cross(way, d)
+
+
+@pytest.mark.parametrize(("times", "said"), [
+    (-0.65, []), (-0.75, ["CS3075 True"]), (-1.35, ["CS3075 True"]), (-1.45, []), (0.65, []), (0.75, ["CS3075 False"])])
+def test_positions_off_by_0_7_to_1_4_of_the_deflection_are_a_corrected_pass(planned: Predicted, times: float, said) -> None:
+    """Of another size they may be another version's."""
+    told = codes(beside(planned, times * deflection(planned)), None)
+    assert [code for code in told if code != "CS3120 False"] == said
+
+
+@pytest.mark.parametrize(("other", "said"), [(0.44, ["CS3075 True"]), (0.56, [])])
+def test_half_of_what_the_positions_are_off_by_is_the_deflection(planned: Predicted, other: float, said: list[str]) -> None:
+    """By its square; the other half stands across it."""
+    d, across = shares(planned)
+    told = codes(beside(planned, -d + np.sqrt(other / (1 - other)) * across), None)
+    assert [code for code in told if code != "CS3120 False"] == said
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.27, ["CS3076 True"]), (0.33, [])])
+def test_a_pass_had_the_offsets_of_which_its_positions_show_three_tenths(planned: Predicted, share: float, said) -> None:
+    d = deflection(planned)
+    assert codes(beside(planned, -share * d), -d) == said
+
+
+@pytest.mark.parametrize(("rms_um", "said"), [(27.0, False), (33.0, True)])
+def test_a_deflection_of_thirty_micrometres_shows_in_the_positions(planned: Predicted, rms_um: float, said: bool) -> None:
+    """And so do offsets."""
+    targets = planned.targets
+    d = shares(planned)[0][targets]
+    scale = 1e-6 * rms_um / np.sqrt(np.mean(np.sum(d**2, axis=1)))
+    prediction = SimpleNamespace(position=scale * planned.prediction.position)
+    there, none = scale * deflection(planned), 0 * deflection(planned)
+    for values, offsets, code in ((-there, None, "CS3075 True"), (none, -there, "CS3076 True")):
+        seen = SimpleNamespace(forces=beside(planned, values).forces, path=planned.path, targets=targets, prediction=prediction,
+                               findings=())
+        assert codes(seen, offsets) == [code] * said
+
+
+@pytest.mark.parametrize(("share", "off_mm", "words"), [
+    (1.0, 0.14, ""), (1.0, 0.16, "the samples lie beside the path, by 0.16 mm in the middle of the cuts"),
+    (0.3, 0.23, ""), (0.3, 0.27, "lie beside the path by up to 0.27 mm"), (0.1, 0.5, ""), (0.14, 0.5, "by up to 0.5 mm")])
+def test_a_version_is_told_that_is_off_everywhere_or_along_an_eighth(planned: Predicted, share, off_mm, words: str) -> None:
+    """By 0.15 mm upwards in the middle of all, or by a quarter of a millimetre over twelve hundredths of the targets."""
+    values = np.zeros((len(planned.path.toolpath), 3))
+    values[planned.targets[:round(share * len(planned.targets))], 2] = 1e-3 * off_mm
+    found = said_of_positions(beside(planned, values), None)
+    assert [words in one.message for one in found] == [True] * bool(words)
+
+
+@pytest.mark.parametrize(("count", "codes_said"), [(11, []), (12, ["CS3075"]), (39, ["CS3075"]), (40, ["CS3075"])])
+def test_a_dozen_targets_tell_of_offsets_and_forty_of_a_version(planned: Predicted, count: int, codes_said: list[str]) -> None:
+    def told(values: np.ndarray) -> list[str]:
+        return [one.code for one in said_of_positions(SimpleNamespace(
+            forces=beside(planned, values).forces, path=planned.path, targets=planned.targets[:count], findings=(),
+            prediction=SimpleNamespace(position=planned.prediction.position[:count])), None)]
+
+    d = deflection(planned)
+    assert told(-d) == codes_said
+    assert told(0 * d + [0, 0, 4e-4]) == (["CS3120"] if count == 40 else [])

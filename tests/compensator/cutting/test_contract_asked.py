@@ -13,7 +13,9 @@ from scipy.spatial.transform import Rotation
 import compstiff
 from compensator.cutting import stock
 from compensator.cutting.coefficients import Coefficients
+from compensator.cutting.cut import cut_of
 from compensator.cutting.materials import coefficients_of
+from compensator.path.robot_path import robot_path
 from identification.common.findings import CompstiffError, Finding, Refused
 from identification.model.stiffness import IdentifiedModel
 from tests.compensator.cutting.milled import FLAT
@@ -472,3 +474,42 @@ def test_a_log_that_cannot_be_held_against_its_stock_or_that_nothing_explains(
     assert [(one.level, one.file) for one in found] == ([(level, str(forces))] if level else [])
     assert all(one.message.endswith(words) for one in found)
     assert bool(found) != bool(of_code(said, "CS4740"))
+
+
+def said_of_the_cut(folder: Path, code: str) -> list[str]:
+    """Of the program of `job`, milled through its stock."""
+    cell = compstiff.read_cell(folder / "cell.yaml")
+    path = robot_path(compstiff.read_toolpath(folder / "slot.mod", cell).toolpath, cell)
+    return [one.message for one in of_code(tuple(cut_of(path, folder / "stock.yaml", None).findings()), code)]
+
+
+@pytest.mark.parametrize(("rpm", "feed", "words"), [
+    # Of 16 mm at 150 turns a second and three teeth: 0.0064 mm, and 0.4 mm.
+    (9000, 3.2, ""), (9000, 2.6, "a tooth takes 0.00578 mm, 0.036 % of the diameter, at 452 m/min"),
+    (9000, 162, ""), (9000, 198, "a tooth takes 0.44 mm, 2.8 % of the diameter, at 452 m/min"),
+    # Of a tenth of a millimetre: pi x 16 mm x 59.7 a minute are 3 m/min, x 89525 4500.
+    (66, 0.33, ""), (54, 0.27, "a tooth takes 0.1 mm, 0.62 % of the diameter, at 2.71 m/min"),
+    (81_000, 405, ""), (98_000, 490, "a tooth takes 0.1 mm, 0.62 % of the diameter, at 4.93e+03 m/min")])
+def test_a_chip_or_a_speed_that_no_end_mill_has_is_told(tmp_path: Path, rpm: float, feed: float, words: str) -> None:
+    job(tmp_path, feeds=(feed,), cell=CELL.replace("9000", f"{rpm}"))
+    assert said_of_the_cut(tmp_path, "CS4748") == (
+        [f"{words}: end mills take 0.04 to 2.5 % at 3 to 4500 m/min"] if words else [])
+
+
+@pytest.mark.parametrize(("feed", "told"), [(32.4, False), (36.0, True)])
+def test_moves_through_the_stock_twice_as_fast_as_the_others_are_told(tmp_path: Path, feed: float, told: bool) -> None:
+    """A fifth of the slot; 1.8 and 2 times the 18 mm/s of the rest."""
+    job(tmp_path, feeds=(18.0, 18.0, 18.0, feed, 18.0))
+    assert [words.partition(" at ")[2] for words in said_of_the_cut(tmp_path, "CS4749")] == (
+        ["36 mm/s go through the stock, where the others cut at 18: moves of the air?"] if told else [])
+
+
+@pytest.mark.parametrize(("aside", "told"), [(14.0, False), (26.0, True)])
+def test_a_tool_that_is_lifted_out_of_its_cut_is_no_move_of_the_air_in_it(tmp_path: Path, aside: float, told: bool) -> None:
+    """43 mm up and as many along the slot at 200 mm/s, with which it leaves the stock: 0.95 and 0.86 of its way are upwards."""
+    program = job(tmp_path)
+    text = program.read_text()
+    assert text.count("[[1100.0,0,640.0]") == 1
+    program.write_text(text.replace("[[1100.0,0,640.0]", f"[[{1100 + aside},0,640.0]"))
+    assert [words.partition(", where")[0] for words in said_of_the_cut(tmp_path, "CS4749")] == (
+        ["1 move at 200 mm/s goes through the stock"] if told else [])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tracemalloc
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -206,3 +207,34 @@ def test_coefficients_of_another_tool_are_refused() -> None:
     for cutter, material in ((FLAT, "aluminium"), (own.cutter, "steel")):
         with pytest.raises(CompstiffError, match="CS4721"):
             check_same(own, cutter, material, "cell.yaml")
+
+
+@pytest.mark.parametrize(("key", "within", "beyond"), [
+    ("resolution_mm", 0.021, 0.019), ("resolution_mm", 4.9, 5.1), ("position_std_mm", 9.9, 10.1)])
+def test_a_resolution_of_0_02_to_5_mm_and_a_place_to_10_mm_are_a_stocks(tmp_path: Path, key, within, beyond) -> None:
+    blank = read_stock(written(tmp_path, f"{BOX}{key}: {within}\n"))
+    assert 1e3 * (blank.cell if key == "resolution_mm" else blank.position_std) == pytest.approx(within)
+    assert code_of(written(tmp_path, f"{BOX}{key}: {beyond}\n")) == "CS0102"
+
+
+@pytest.mark.parametrize(("key", "most", "beyond"), [
+    ("diameter_mm", 1000.0, 1001.0), ("teeth", 100, 101), ("corner_radius_mm", 500.0, 501.0), ("model_error", 10.0, 10.1)])
+def test_sizes_of_a_cutter_that_is_none_are_refused(tmp_path: Path, key: str, most: float, beyond: float) -> None:
+    for value in (most, beyond):
+        content = coefficients().as_dict()
+        (content if key == "model_error" else content["cutter"])[key] = value
+        (tmp_path / "cutting.json").write_text(json.dumps(content))
+        if value == most:
+            assert read_coefficients(tmp_path / "cutting.json").material == "aluminium"
+            continue
+        with pytest.raises(CompstiffError, match=rf"CS4720: \S*{key}: Input should be less than or equal to"):
+            read_coefficients(tmp_path / "cutting.json")
+
+
+@pytest.mark.parametrize(("radius", "corner", "same"), [(9e-6, -9e-6, True), (11e-6, 0.0, False), (0.0, -11e-6, False)])
+def test_coefficients_are_those_of_a_cutter_to_a_hundredth_of_a_millimetre(radius: float, corner: float, same: bool) -> None:
+    """Of its radius, and of its corner's."""
+    own = coefficients()
+    other = replace(own.cutter, radius=own.cutter.radius + radius, corner=own.cutter.corner + corner)
+    with nullcontext() if same else pytest.raises(CompstiffError, match="CS4721"):
+        check_same(own, other, "aluminium", "cell.yaml")

@@ -186,6 +186,7 @@ def test_the_table_s_chip_is_that_of_the_feed_in_the_cut(tmp_path: Path) -> None
     mean, covariance = coefficients_of("aluminium", 1e-4)
     np.testing.assert_allclose(found.mean, mean, rtol=1e-12)
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-12)
+    assert found.model_error == 0.05        # of the force at a place, beside the coefficients
 
 
 @pytest.mark.parametrize(("stated", "gain", "seat"), [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -102,3 +103,15 @@ def test_a_blank_beside_the_program_is_refused_on_every_side(tmp_path: Path, mov
     blank = read_stock(stock_of(tmp_path, binary(FACES + np.array(moved_mm, dtype=float))))
     with pytest.raises(CompstiffError, match="CS4715") if away else nullcontext():
         _check_near(blank, track, FLAT)
+
+
+@pytest.mark.parametrize(("sides", "words"), [
+    ((9900.0, 100, 50), ""), ((10_100.0, 100, 50), "the blank is 1.01e+04 x 100 x 50 mm, expected at most 10000"),
+    ((100.0, 50, 0.55), ""), ((100.0, 50, 0.45), "the blank is 100 x 50 x 0.45 mm, expected at least 0.5 each way")])
+def test_a_blank_has_sides_of_half_a_millimetre_to_ten_metres(tmp_path: Path, sides: tuple[float, ...], words: str) -> None:
+    file = stock_of(tmp_path, binary(box_faces((0.0, 0.0, 0.0), sides)), "units: mm\nresolution_mm: 5\n")
+    if not words:
+        assert 1e3 * read_stock(file).bounds[1] == pytest.approx(sides, rel=1e-5)
+        return
+    with pytest.raises(CompstiffError, match=f"CS4714: {re.escape(words)}"):
+        read_stock(file)

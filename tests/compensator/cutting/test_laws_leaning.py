@@ -9,7 +9,7 @@ from compensator.cutting.cutter import Cutter
 from compensator.cutting.leaning import above_the_ball
 from compensator.cutting.removal import Engagement, mill_through
 from compensator.cutting.stock import Stock
-from tests.compensator.cutting.milled import MILL, block, force_of, track_along
+from tests.compensator.cutting.milled import FLAT, MILL, block, force_of, track_along
 from tests.support import long
 from tests.virtual_cell.leaning_ball import LeaningBall, mean_force, tilted
 
@@ -82,7 +82,8 @@ def test_a_hair_off_the_vertical_is_upright() -> None:
 
 
 @pytest.mark.parametrize(("lead", "tip", "known"), [
-    (20, -1.0, True), (20, -7.0, False), long(-20, -4.0, True), long(-20, -7.0, True), (65, -0.5, False), (90, -0.5, False)])
+    (20, -1.0, True), (20, -7.0, False), long(-20, -4.0, True), long(-20, -7.0, True), (57, -0.5, True), (63, -0.5, False),
+    (90, -0.5, False)])
 def test_above_its_ball_nothing_is_known(lead: float, tip: float, known: bool) -> None:
     """Leaning forward by 20 degrees the shank meets the front of a slot from R (1 - sin 20) = 5.26 mm on; leaning back it is
     the ball that does. Over 60 degrees it is not looked at."""
@@ -127,3 +128,13 @@ def test_where_the_ball_ends() -> None:
     axis = np.tile(tilted(0.0, 20.0), (3, 1))
     found = above_the_ball(angle, up, 8e-3, np.tile([1.0, 0.0], (3, 1)), axis)
     assert found.tolist() == [[False, False, False], [False, False, True], [True, True, True]]
+
+
+@pytest.mark.parametrize(("degrees", "known"), [(0.9, True), (1.1, False)])
+def test_of_a_flat_cutter_that_leans_by_over_a_degree_nothing_is_known(degrees: float, known: bool) -> None:
+    corner = np.array([[-80.0, 0, -2.0], [40.0, 0, -2.0]])
+    track = track_along(corner, CHIP, axis=np.tile(tilted(0.0, degrees), (len(track_along(corner, CHIP)), 1)))
+    engaged, _ = mill_through(block(LOW, HIGH, levels(-2.0)), track, FLAT)
+    assert engaged.cuts.sum() > 50
+    assert engaged.unknown[engaged.cuts].all() != known
+    assert engaged.unknown[engaged.cuts].any() != known

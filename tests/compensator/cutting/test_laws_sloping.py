@@ -131,7 +131,7 @@ def test_a_spring_pass_on_a_slope_cuts_nothing() -> None:
 
 
 @pytest.mark.parametrize(("cutter", "slope", "known"), [
-    (BALL, -58, True), (BALL, -80, False), (BALL, 80, True), (FLAT, -4, True), (FLAT, -8, False), (FLAT, 8, True),
+    (BALL, -58, True), (BALL, -62, False), (BALL, 80, True), (FLAT, -4, True), (FLAT, -8, False), (FLAT, 8, True),
     (Cutter(8e-3, 3, 2e-3), 8, False), (Cutter(8e-3, 3, 2e-3), -8, False), (Cutter(8e-3, 3, 2e-3), 4, True)],
     ids=lambda value: str(value.corner) if isinstance(value, Cutter) else str(value))
 def test_which_slopes_are_known(cutter: Cutter, slope: float, known: bool) -> None:

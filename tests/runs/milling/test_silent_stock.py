@@ -61,7 +61,7 @@ def test_chips_that_end_mills_have_are_not(job: Workshop, tmp_path: Path, right:
 
 def test_a_move_of_the_air_through_the_stock_is_said(job: Workshop, tmp_path: Path) -> None:
     said, _ = run(job, tmp_path, top=8)
-    assert "1 move at 200 mm/s go through the stock, where the others cut at 40" in said["CS4749"]
+    assert "1 move at 200 mm/s goes through the stock, where the others cut at 40" in said["CS4749"]
 
 
 @pytest.mark.parametrize(("flute", "known"), [(30, True), (2.5, True), (1.9, False), (1, False)])

@@ -106,3 +106,13 @@ def test_two_cutters_of_one_tool_are_refused_and_repetitions_are_none(tmp_path: 
 def test_teeth_are_stated_by_no_file(tmp_path: Path) -> None:
     with pytest.raises(CompstiffError, match=r"CS4701.*cutting\.teeth of|cutting\.teeth of"):
         cutter_of(of_cell(teeth=None), stated(tmp_path, "CUTTER/16,2", MOVE))
+
+
+@pytest.mark.parametrize(("diameter", "corner", "same"), [(16.009, 1.991, True), (16.011, 2.0, False), (16.0, 1.989, False)])
+def test_lengths_of_a_cutter_are_one_to_a_hundredth_of_a_millimetre(tmp_path: Path, diameter: float, corner, same) -> None:
+    cutters = stated(tmp_path, "CUTTER/16,2", MOVE)
+    if same:
+        assert cutter_of(of_cell(diameter, corner), cutters).radius == pytest.approx(0.5e-3 * diameter)
+        return
+    with pytest.raises(CompstiffError, match="CS4716"):
+        cutter_of(of_cell(diameter, corner), cutters)
