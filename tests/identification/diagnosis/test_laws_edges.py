@@ -15,7 +15,7 @@ from scipy import stats
 
 from identification.diagnosis import detect, explaining, gross, procedure, swing
 from identification.diagnosis.explained import explained
-from identification.diagnosis.explaining import Explanation, louder, strained
+from identification.diagnosis.explaining import Explaining, Explanation, louder, strained
 from identification.diagnosis.in_words import more_at_work
 from identification.diagnosis.judgement import Judgement
 from identification.diagnosis.odds import certain, doubt_of
@@ -457,3 +457,18 @@ def test_an_effect_is_as_likely_as_the_average_over_its_sizes(information: float
 
 def test_a_larger_effect_has_as_much_more_room() -> None:
     assert [room(size) for size in (0.5, 1.4, 3.0)] == pytest.approx([1.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize(("times", "beyond"), [(0.96, False), (1.04, True)])
+def test_what_is_left_beside_causes_is_noise_of_three_times_the_stated(
+        monkeypatch: pytest.MonkeyPatch, times: float, beyond: bool) -> None:
+    """With 95 % confidence, where its size is known to a tenth: the causes explain the rows no further."""
+    monkeypatch.setattr(explaining, "goodness_of_fit", lambda *of: SimpleNamespace(p_value=0.5))
+    fitted = fit(sensor=float(times * 3.0 * np.exp(0.1 * stats.norm.isf(0.05))), setup=1.0, memory=1.0)
+    fitted.at_map.noise.active = (True,) * 6
+    fitted.data = SimpleNamespace(rows=SimpleNamespace(machined_pass=np.array([""])), cell=SimpleNamespace(
+        noise=SimpleNamespace(force_relative_stated=False)))
+    named: Any = SimpleNamespace(fitted=fitted)
+    found = Explaining({}, 0.05, 9, np.random.default_rng(0)).tested(named)
+    assert list(found.scatter) == ["sensor noise"] * beyond
+    assert found.enough is not beyond
