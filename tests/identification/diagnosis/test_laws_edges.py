@@ -464,7 +464,7 @@ def test_what_is_left_beside_causes_is_noise_of_three_times_the_stated(
         monkeypatch: pytest.MonkeyPatch, times: float, beyond: bool) -> None:
     """With 95 % confidence, where its size is known to a tenth: the causes explain the rows no further."""
     monkeypatch.setattr(explaining, "goodness_of_fit", lambda *of: SimpleNamespace(p_value=0.5))
-    fitted = fit(sensor=float(times * 3.0 * np.exp(0.1 * stats.norm.isf(0.05))))
+    fitted = fit(sensor=float(times * 3.0 * np.exp(0.1 * stats.norm.isf(0.05))), setup=1.0, memory=1.0)
     fitted.at_map.noise.active = (True,) * 6
     fitted.data = SimpleNamespace(rows=SimpleNamespace(machined_pass=np.array([""])), cell=SimpleNamespace(
         noise=SimpleNamespace(force_relative_stated=False)))

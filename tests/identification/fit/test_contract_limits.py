@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +14,11 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from identification.common.findings import CompstiffError, Finding
-from identification.fit.fit import Fit, fit_stiffness
+from identification.fit.fit import Fit, _light_rows, fit_stiffness
 from identification.fit.identifiability import told_by_one_visit
 from identification.fit.load_test import LoadTest
-from identification.fit.posterior import posterior
+from identification.fit.mistakes.judge import Mistakes
+from identification.fit.posterior import Posterior, posterior
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from tests.identification.fit.exact_rows import beside, by_compliance
@@ -164,3 +167,34 @@ def test_a_sensor_four_times_as_noisy_as_stated_rejects_the_springs(
     assert bool(fit.model.rejected) is (needed > 1) is (times > 4.5)
     assert [one.message.split(": ")[1].split(";")[0] for one in told(fit, "CS1021")] == [
         f"the sensor noise would have to be {noise['sensor_scale']:.1f} times the stated"] * (needed > 1)
+
+
+@pytest.mark.parametrize("squares", [1.93, 2.07])
+def test_mistakes_are_looked_for_from_twice_the_squares_that_the_stated_noise_has(
+        monkeypatch: pytest.MonkeyPatch, exact: tuple[Cell, Measurements, Array], squares: float) -> None:
+    """A reading, on average."""
+    cell, rows, each = exact
+    asked: list[float] = []
+
+    def mistakes_in(fitted: Posterior) -> Mistakes:
+        asked.append(fitted.chi2 / fitted.readings)
+        return Mistakes()
+
+    monkeypatch.setattr("identification.fit.fit.mistakes_in", mistakes_in)
+    count = rows.deflection.size
+    fit_stiffness(cell, off_by(rows, each, np.sqrt(squares * count / (count - 6))))
+    assert asked == pytest.approx([squares] * (squares > 2), rel=0.01)
+
+
+@pytest.mark.parametrize("count", [20, 21])
+def test_rows_that_count_less_than_thirty_per_cent_are_told_one_by_one_up_to_twenty(count: int) -> None:
+    weight = np.append(np.full(count, 0.29), np.full(9, 0.31))
+    rows = type("Rows", (SimpleNamespace,), {"__len__": lambda self: len(weight)})(
+        line=np.arange(2, 2 + len(weight)), source="m.csv")
+    fitted: Any = SimpleNamespace(data=SimpleNamespace(rows=rows), row_weight=weight)
+    messages = [one.message for one in _light_rows(fitted)]
+    if count == 20:
+        assert messages == ["this row does not fit the others and counts 29 % of an ordinary one"] * 20
+    else:
+        (message,) = messages
+        assert message.startswith("21 of 30 rows do not fit the others and count less than 30 % of an ordinary one each")
