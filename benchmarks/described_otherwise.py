@@ -474,7 +474,7 @@ def answered(job: Job, folder: Path, *, diagnose: bool, springs: Path | None = N
         steps.append(("diagnose", ["diagnose", "cell.yaml", f"measurements.{end}", "-o", "diagnosis.json"]))
     out = "out.mod" if len(job.modules) == 1 else "out/"
     steps.append(("correct", ["correct", "cell.yaml", *job.modules, "--stiffness", "stiffness.json", "--forces",
-                              f"forces.{end}", *job.options, "-o", out, "--offsets", "offsets.csv"]))
+                              f"forces.{end}", "--accept-rejected", *job.options, "-o", out, "--offsets", "offsets.csv"]))
     for name, words in steps:
         answer.exits[name], told = called(folder, *words)
         answer.codes[name] = sorted(f"{found['code']} {found['level']}" for found in told.get("findings", []))
@@ -487,7 +487,7 @@ def answered(job: Job, folder: Path, *, diagnose: bool, springs: Path | None = N
         found = json.loads((folder / "diagnosis.json").read_text())
         answer.verdict = f"{found['verdict']} {[(cause['effect'], cause['joint']) for cause in found['causes']]}"
     if (folder / "offsets.csv").exists():
-        answer.offsets = pd.read_csv(folder / "offsets.csv", keep_default_na=True)
+        answer.offsets = pd.read_csv(folder / "offsets.csv", dtype={"added": str, "note": str})
     return answer
 
 
@@ -498,10 +498,9 @@ def differences(
     time alone."""
     told = [f"{name}: exit {was.exits[name]} became {code}" for name, code in now.exits.items() if code != was.exits[name]]
     for name, codes in now.codes.items():
-        # Who else may see a target depends on where it is declared.
-        codes = [code for code in codes if code[:6] != "CS3270" or code in was.codes[name]]
-        less, more = (collections.Counter(one) - collections.Counter(other)
-                      for one, other in ((was.codes[name], codes), (codes, was.codes[name])))
+        # Who else may see a target (CS3270) depends on where it is declared.
+        counts = [collections.Counter(code for code in some if code[:6] != "CS3270") for some in (was.codes[name], codes)]
+        less, more = counts[0] - counts[1], counts[1] - counts[0]
         if less or more:
             told.append(f"{name}: no longer {sorted(less)}, now {sorted(more)}")
     if was.springs is not None and now.springs is not None and was.sigma is not None:
@@ -530,7 +529,7 @@ def differences(
     if (was.offsets["note"].fillna("") != now.offsets["note"].fillna("")).any():
         told.append("other notes: " + str([(a, b) for a, b in zip(was.offsets["note"], now.offsets["note"], strict=True)
                                            if a != b and not (a != a and b != b)][:3]))
-    added = [one.offsets["added"].fillna("").astype(str).str.split().str.len() for one in (was, now)]
+    added = [one.offsets["added"].fillna("").str.split().str.len() for one in (was, now)]
     if abs(added[0].sum() - added[1].sum()) > 2 + MORE_TARGETS * added[0].sum():
         told.append(f"{int(added[0].sum())} added targets became {int(added[1].sum())}")
     return told
