@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.described_otherwise import CORRECT, answered, differences, make, read
+from benchmarks.described_otherwise import answered, differences, make
+from benchmarks.descriptions import CORRECT, read
 
 # What needs other readers than the rest, or says nothing of these logs.
 LEFT = ("nothing", "scope", "dialect", "parquet", "clock", "milliseconds")
@@ -22,13 +23,13 @@ LAST = ("letters", "lines", "notation")
 def test_a_job_described_otherwise_has_the_same_offsets(number: int, tmp_path: Path) -> None:
     make(95030, number, tmp_path / "job")
     job = read(tmp_path / "job")
-    was = answered(copy.deepcopy(job), tmp_path / "was", diagnose=False)
+    was = answered(copy.deepcopy(job), tmp_path / "was")
     assert was.exits == {"identify": 0, "correct": 0}
     rng = np.random.default_rng(number)
     other = copy.deepcopy(job)
     for name in sorted(set(CORRECT) - set(LEFT), key=lambda name: (name in LAST, name)):
         other = CORRECT[name](other, rng)
-    now = answered(other, tmp_path / "now", diagnose=False)
+    now = answered(other, tmp_path / "now")
     assert differences(was, now, other.turned) == []
     assert was.offsets is not None
     assert np.abs(was.offsets[["ox_mm", "oy_mm", "oz_mm"]].to_numpy()).max() > 0.05
