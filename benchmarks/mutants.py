@@ -2,16 +2,17 @@
 
     python benchmarks/reached.py STATE/map -q                          # once: who reaches what; Python 3.12 or newer
     python benchmarks/mutants.py [--each 6] [--seed 0] [--only REGEX] [--since COMMIT] [--state STATE] [--budget 60]
-                                    [--processes 1] [--limits] [--report]
+                                    [--processes 1] [--limits] [--tests FILES] [--report]
 
 What is changed: operators, comparisons, `and`/`or`, `min`/`max`, `all`/`any`, signs, numbers, True and False, a return of
 nothing, `continue`/`break`, a `not`. As many are drawn from each room, in turns, so that a run that is cut short is even too;
 with --since only of lines that the commit did not have, with --limits only numbers outside functions.
-Each is made in a copy of the tree. Tests that reach its statement judge it, those of its own room first, then all others, the
-cheapest first, until they would take --budget seconds of the processor; for a statement outside functions (a limit, a table)
-those that reach a line which names what it sets. A test that fails notices it; on the tree as it is it must pass, which is
-tried once in a call. What takes five times as long as the map says has hung. What was judged stands in a file of JSON lines,
-and is not judged again: the same call goes on. Printed: by room. Survivors whose change nobody can see are in
+Each is made in a copy of the tree, in a fork of a pytest that has collected all tests (forked.py); outside functions in a
+process of its own. Tests that reach its statement judge it, those of its own room first, then all others, the cheapest first,
+until they would take --budget seconds of the processor; for a statement outside functions (a limit, a table) those that reach
+a line which names what it sets; with --tests all of these files. A test that fails notices it; on the tree as it is it must
+pass, which is tried once in a call. What takes five times as long as the map says has hung. What was judged stands in a file of
+JSON lines, and is not judged again: the same call goes on. Printed: by room. Survivors whose change nobody can see are in
 equivalent_mutants.py, each with its reason.
 """
 
@@ -44,6 +45,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.equivalent_mutants import EQUIVALENT
+from benchmarks.forked import Forked
 from benchmarks.reached import Map
 
 ROOT = Path(__file__).parents[1]
@@ -200,32 +202,51 @@ def copied(tree: Path) -> None:
                    stdout=subprocess.DEVNULL)
 
 
-def judged(tree: Path, mutant: Mutant, known: Map, budget: float, passing: set[str]) -> dict[str, object]:
-    """verdict: noticed, survived, unreached, hung, broken (no Python) or unsure (who noticed fails without the change too).
+class Judge:
+    """A copy of the tree, and a pytest that waits there."""
 
-    Tests that pass without a change are added to `passing`."""
-    tests = judges(mutant, known, budget)
-    limit = 60.0 + 5.0 * sum(known.seconds[test] for test in tests)
-    before, begun = written(tree, mutant), time.monotonic()
-    verdict, by = "unreached", ""
-    try:
+    def __init__(self, tree: Path, known: Map, chosen: argparse.Namespace, passing: set[str]) -> None:
+        copied(tree)
+        self.tree, self.known, self.budget, self.passing = tree, known, chosen.budget, passing
+        self.forked = Forked(tree, chosen.tests)
+        self.tests = sorted(self.forked.tests) if chosen.tests else []
+
+    def verdict(self, mutant: Mutant, tests: list[str], limit: float) -> tuple[str, str]:
+        """noticed, survived, unreached, hung, broken (no Python) or unsure (who noticed fails without the change too), by whom.
+
+        Tests that pass without a change are added to `passing`."""
+        text = (self.tree / mutant.file).read_text(encoding="utf-8")
         try:
-            ast.parse((tree / mutant.file).read_text(encoding="utf-8"))
+            ast.parse(text)
         except SyntaxError:
-            verdict = "broken"
-        if verdict != "broken" and tests:
-            code, by = ran(tree, tests, limit)
-            verdict = "hung" if code is None else "noticed" if code else "survived"
-            by = by if verdict == "noticed" else ""
-    finally:
-        (tree / mutant.file).write_text(before, encoding="utf-8")
-    if verdict == "noticed" and (by := by if "::" in by else tests[0]) not in passing:
-        if ran(tree, [by], limit)[0] == 0:
-            passing.add(by)
-        else:
-            verdict = "unsure"
-    return {"key": mutant.key, "room": mutant.room, "text": mutant.text, "verdict": verdict, "by": by, "tests": len(tests),
-            "seconds": round(time.monotonic() - begun, 1)}
+            return "broken", ""
+        if not tests:
+            return "unreached", ""
+        outcome, by = "apart", ""
+        if statement(text, mutant.line)[2]:
+            outcome, by = self.forked.ran(tests, limit, self.tree / mutant.file)
+        if outcome == "apart":
+            code, by = ran(self.tree, tests, limit)
+            outcome = "hung" if code is None else "failed" if code else "passed"
+            by = by if "::" in by else tests[0]
+        return {"failed": "noticed", "passed": "survived"}.get(outcome, outcome), by if outcome == "failed" else ""
+
+    def judged(self, mutant: Mutant) -> dict[str, object]:
+        """The entry of the file of what was judged."""
+        tests = self.tests or [test for test in judges(mutant, self.known, self.budget) if test in self.forked.tests]
+        limit = 60.0 + 5.0 * sum(self.known.seconds.get(test, 1.0) for test in tests)
+        before, begun = written(self.tree, mutant), time.monotonic()
+        try:
+            verdict, by = self.verdict(mutant, tests, limit)
+        finally:
+            (self.tree / mutant.file).write_text(before, encoding="utf-8")
+        if verdict == "noticed" and by in self.forked.tests and by not in self.passing:
+            if self.forked.ran([by], limit)[0] == "passed":
+                self.passing.add(by)
+            else:
+                verdict = "unsure"
+        return {"key": mutant.key, "room": mutant.room, "text": mutant.text, "verdict": verdict, "by": by, "tests": len(tests),
+                "seconds": round(time.monotonic() - begun, 1)}
 
 
 def new_lines(commit: str) -> dict[str, set[int]]:
@@ -282,6 +303,7 @@ def main() -> int:
     parser.add_argument("--only", default="")
     parser.add_argument("--since", default="", metavar="COMMIT", help="only of lines that are new since")
     parser.add_argument("--limits", action="store_true", help="only numbers outside functions")
+    parser.add_argument("--tests", nargs="*", default=[], metavar="FILE", help="judge by all tests of these, without a map")
     parser.add_argument("--budget", type=float, default=60.0)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--state", type=Path, default=Path(tempfile.gettempdir()) / "compstiff-mutants")
@@ -294,28 +316,28 @@ def main() -> int:
     if not chosen.report:
         ahead = [mutant for mutant in drawn(chosen) if mutant.key not in told_of]
         known, until = Map.read(chosen.state / "map"), time.monotonic() + chosen.seconds
-        trees: queue.Queue[Path] = queue.Queue()
-        for k in range(chosen.processes):
-            tree = chosen.state / f"tree-{k}"
-            copied(tree)
-            trees.put(tree)
+        waiting: queue.Queue[Judge] = queue.Queue()
         passing: set[str] = set()
+        for k in range(chosen.processes):
+            waiting.put(Judge(chosen.state / f"tree-{k}", known, chosen, passing))
 
         def one(mutant: Mutant) -> None:
-            tree = trees.get()
+            judge = waiting.get()
             try:
                 if time.monotonic() < until:
-                    entry = judged(tree, mutant, known, chosen.budget, passing)
+                    entry = judge.judged(mutant)
                     told_of[mutant.key] = entry
                     with lines.open("a") as stream:
                         stream.write(json.dumps(entry) + "\n")
                     print(f"{entry['verdict']:9}{entry['seconds']:6.1f} s {entry['tests']:4} tests  {mutant.key}\n"
                           f"    {mutant.text}", flush=True)
             finally:
-                trees.put(tree)
+                waiting.put(judge)
 
         with ThreadPoolExecutor(chosen.processes) as pool:
             list(pool.map(one, ahead))
+        while not waiting.empty():
+            waiting.get().forked.close()
     return told(told_of)
 
 
