@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 from compensator.posting.apt import words
@@ -71,7 +72,8 @@ class Measures:
             self._counterclockwise = statement
         elif "CLW" in arguments:
             self._counterclockwise = None
-        numeric = [index for index, argument in enumerate(arguments) if argument[:1] in "+-.0123456789" and argument]
+        numeric = [index for index, (before, argument) in enumerate(itertools.pairwise(["RPM", *arguments]))
+                   if argument[:1] in "+-.0123456789" and argument and before in words.OF_SPEED]
         if numeric:
             of_surface = {"SFM", "SMM"} & set(arguments)
             self._turns_per_minute = None if of_surface else statement.numbers(numeric[0], numeric[0] + 1)[0]

@@ -17,6 +17,9 @@ FEED_UNITS = {"MMPM": (1.0, "minute"), "IPM": (INCH, "minute"), "PERMIN": (None,
               "MMPR": (1.0, "turn"), "IPR": (INCH, "turn"), "PERREV": (None, "turn")}
 """Millimetres (None: the file's unit) per minute or per turn of the spindle."""
 
+# Of SPINDL: behind these stands the speed; behind RANGE, MAXRPM, ORIENT and other words a number of theirs.
+OF_SPEED = frozenset(("RPM", "SFM", "SMM", "CLW", "CCLW", "ON"))
+
 # Said to the person at the machine, or to a machine this program does not know: kept as comments.
 KEPT = frozenset((
     "PARTNO", "PPRINT", "REMARK", "INSERT", "SPINDL", "COOLNT", "STOP", "OPSTOP", "DELAY", "DWELL", "LOADTL", "LOAD", "TOOLNO",

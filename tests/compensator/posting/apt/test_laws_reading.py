@@ -88,6 +88,14 @@ def test_feed_per_turn_takes_the_spindle(read):
         read("UNITS/MM\nSPINDL/RPM,6000,CLW\nFEDRAT/0.2,MMPR\nGOTO/1,0,0\nSPINDL/SMM,300\nGOTO/2,0,0\n")
 
 
+@pytest.mark.parametrize("spindle", [
+    "SPINDL/RANGE,2,RPM,6000,CLW", "SPINDL/MAXRPM,9000,RPM,6000", "SPINDL/6000,RPM,RANGE,2", "SPINDL/CLW,6000,RANGE,2",
+    "SPINDL/RPM,6000\nSPINDL/ORIENT,90", "SPINDL/RPM,6000\nSPINDL/RANGE,2\nSPINDL/ON"])
+def test_the_numbers_of_other_words_of_the_spindle_are_no_speed(read, spindle):
+    path = read(f"UNITS/MM\n{spindle}\nFEDRAT/0.2,MMPR\nGOTO/1,0,0\n")
+    np.testing.assert_allclose(path.feed, [0.02], rtol=1e-12)
+
+
 @pytest.mark.parametrize(("spindle", "line"), [
     ("SPINDL/6000,RPM,CLW\n", None), ("SPINDL/6000,RPM\n", None), ("SPINDL/RPM,6000,CCLW\n", 3),
     ("SPINDL/CCLW\nSPINDL/6000\n", 3),
