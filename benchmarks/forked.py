@@ -39,8 +39,8 @@ class Forked:
 
     def __init__(self, tree: Path, tests: list[str]) -> None:
         ours, theirs = socket.socketpair()
-        environment = {**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1",
-                       SOCKET: str(theirs.fileno())}
+        environment = {**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1", SOCKET: str(theirs.fileno())}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)            # tests are compiled once
         self.process = subprocess.Popen([*COMMAND, *tests], cwd=tree, env=environment, pass_fds=[theirs.fileno()],
                                         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         theirs.close()
@@ -135,6 +135,7 @@ class Plugin:
     def _in_a_fork(self, session: pytest.Session, items: list[pytest.Item], file: str, folder: Path) -> dict[str, str]:
         if file and not self._changed(file):
             return {"verdict": "apart", "by": ""}
+        os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
         session.config._tmp_path_factory._basetemp = folder        # type: ignore[attr-defined]
         for item, after in zip(items, [*items[1:], None], strict=True):
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
