@@ -68,7 +68,8 @@ def test_the_wrist_singularity_is_refused_within_a_tenth_of_a_degree(
 
 
 @pytest.mark.parametrize(("wrists", "said"), [
-    ((2.05, 3, -4), ""), ((3, 1.95, 2.05), "1 target with force is within 2 deg of the wrist singularity, the closest 1.95 deg"),
+    ((2.05, 3, -4), ""),
+    ((3, 1.95, 2.05), "1 target with force is within 2 deg of the wrist singularity, the closest 1.95 deg"),
     ((-1.95, 3, -1.5), "2 targets with force are within 2 deg of the wrist singularity, the closest 1.50 deg")])
 def test_near_the_wrist_singularity_is_within_two_degrees(tmp_path: Path, wrists: tuple[float, ...], said: str) -> None:
     """Of where axis 5 is after the correction, which moves it by next to nothing here; the closest target is named."""
@@ -114,9 +115,9 @@ def test_a_stated_depth_tells_the_cutting_stiffness_where_enough_targets_climb(
     std = 2 * stiffness * np.sqrt(np.expm1(0.3**2))
     assert found[0]["message"] == f"cutting stiffness by a depth of 0.5 mm: {stiffness:.3g} +- {std:.2g} N/mm (2 sigma)"
     grows = 100 * stiffness * 1e3 * np.array(aside) / 90
-    followed = re.match(r"force follows the cut: with a cutting stiffness of (\S+) N/mm the corrected pass meets forces that are "
-                        r"(\+\S+) % \(median\), (\S+) % at most, off the logged; 5 with next to no force across the feed, or in "
-                        r"another cut, keep theirs$", of_code(run, "CS4120")[0]["message"])
+    followed = re.match(r"force follows the cut: with a cutting stiffness of (\S+) N/mm the corrected pass meets forces that "
+                        r"are (\+\S+) % \(median\), (\S+) % at most, off the logged; 5 with next to no force across the "
+                        r"feed, or in another cut, keep theirs$", of_code(run, "CS4120")[0]["message"])
     assert followed
     np.testing.assert_allclose([float(one) for one in followed.groups()], [
         stiffness, np.median(grows), grows.max()], atol=0.06, rtol=5e-3)

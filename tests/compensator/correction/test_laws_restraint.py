@@ -167,8 +167,8 @@ def test_what_is_held_back_at_an_inner_corner_is_told_beyond_the_tolerance(tmp_p
     size = 1e3 * np.linalg.norm(made - asked, axis=1)
     worst, told = int(np.argmax(size)), int((size > 5).sum())
     assert (nothing, found["level"], found["target"]) == ([], "warning", worst)
-    assert found["message"].endswith(f"towards the wall behind {told} corrections are held back, by up to {size[worst]:.0f} um, "
-                                     "which may be left there as stock")
+    assert found["message"].endswith(f"towards the wall behind {told} corrections are held back, by up to {size[worst]:.0f} "
+                                     "um, which may be left there as stock")
     assert size[worst] > 150
     np.testing.assert_array_equal(np.flatnonzero(size), np.arange(15, 21))
     for times, many in ((0.99, 1), (1.01, 0)):
