@@ -97,17 +97,17 @@ ONE = np.array([1.0, 0, 0, 0, 0, 0])
 
 
 def read_of(
-    expected: np.ndarray, read: np.ndarray, scale: float = 1.0, width: float = 1e-6, frame: str = "base"
+    expected: np.ndarray, read: np.ndarray, scale: float = 1.0, width: float = 1e-6, frame: str = "base", model: float = 0.0
 ) -> Reading | None:
     """What is told of a log that reads `read` (n, 3) where `expected` is, each component known to `scale` [N], all of the
-    expected force to the share `width`; in the base frame or in the tool's, whose x is its y."""
+    expected force to the share `width`, the model to `model`; in the base frame or in the tool's, whose x is its y."""
     count = len(read)
     weight, turned = np.zeros((count, 3, 6)), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     weight[:, :, 0] = expected
     error = np.full((count, 3), np.sqrt(scale**2 - 0.2**2))
     rows = ForceRows(weight, read, error, np.zeros((count, 3, 3)), np.arange(count) * 1e-3)
     axes = {name: np.broadcast_to(turn, (count, 3, 3)) for name, turn in (("base", np.eye(3)), ("tool", turned))}
-    known = Coefficients(ONE, width**2 * np.diag(ONE) + 1e-12 * np.eye(6), 0.0, Cutter(8e-3, 3), None, None, {})
+    known = Coefficients(ONE, width**2 * np.diag(ONE) + 1e-12 * np.eye(6), model, Cutter(8e-3, 3), None, None, {})
     return misread(rows, axes, frame, known, 1e-4, 1e-4)
 
 
@@ -148,11 +148,12 @@ def test_a_reading_is_told_that_is_likelier_than_all_that_are_another(second: fl
     assert (found is not None) == told
 
 
-@pytest.mark.parametrize(("scale", "told"), [(20.4, True), (21.0, False)])
-def test_a_reading_is_told_that_is_twenty_times_as_likely_as_the_stated_one(scale: float, told: bool) -> None:
+@pytest.mark.parametrize(("scale", "model", "told"), [
+    (20.4, 0.0, True), (21.0, 0.0, False), (1.0, 0.203, True), (1.0, 0.21, False)])
+def test_a_reading_is_told_that_is_twenty_times_as_likely_as_the_stated_one(scale: float, model: float, told: bool) -> None:
     """Though the forces of both are alike: y turned over, of 9 N beside 100."""
     force = to_and_fro(80, 100, 9, 0)
-    found = read_of(force, force * [1, -1, 1], scale)
+    found = read_of(force, force * [1, -1, 1], scale, model=model)
     assert (found is not None) == told
 
 
