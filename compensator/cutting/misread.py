@@ -2,7 +2,8 @@
 
 Against the travel alone many wrong readings push as some cutter may; the stock says which force is where. Each reading is a
 turn of the force at every place: 48 orders and signs of the three columns, in each frame that a log may be in. One is named
-where it leaves far less than the stated one, and less than any other that is not next to the same forces.
+where it leaves far less than the stated one, and less than any other that is not next to the same forces; of those that are
+next to the same the plainest.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ LEFT, OF_FORCE, ANOTHER, SURE, GROSS = 0.5, 0.35, 0.2, 2 * 10 * float(np.log(20.
 # So many rows tell it.
 MOST_ROWS = 400
 COLUMNS = ("fx_n", "fy_n", "fz_n")
+# Frame, order and signs of the columns.
+_Read = tuple[str, tuple[int, ...], tuple[int, ...]]
 
 
 class Reading(NamedTuple):
@@ -80,12 +83,11 @@ def misread(
     if best.off > LEFT * here.off or best.left > OF_FORCE * size or here.misfit - best.misfit < SURE:
         return None
     as_best = _read(force, turned, stated, order[0])
-    for reading in order[1:]:
-        if tried[reading].misfit - best.misfit > SURE:
-            break
-        if _rms(_read(force, turned, stated, reading) - as_best) > ANOTHER * size:
-            return None
-    return Reading(*order[0], best.off, here.off)
+    alike = [reading for reading in order if tried[reading].misfit - best.misfit <= SURE]
+    if any(_rms(_read(force, turned, stated, reading) - as_best) > ANOTHER * size for reading in alike):
+        return None
+    told = min(alike, key=lambda reading: _changes(reading, stated))
+    return Reading(*told, tried[told].off, here.off)
 
 
 class _Tried(NamedTuple):
@@ -102,13 +104,17 @@ def _rms(force: Array) -> float:
     return float(np.sqrt(np.mean(np.sum(force**2, axis=1))))
 
 
-def _readings(frames: list[str]) -> Iterator[tuple[str, tuple[int, ...], tuple[int, ...]]]:
-    """Plainer ones first: of readings that are alike the first is named."""
-    yield from ((frame, order, signs) for signs in sorted(product((1, -1), repeat=3), key=lambda signs: signs.count(-1) % 3)
-                for order in permutations(range(3)) for frame in frames)
+def _readings(frames: list[str]) -> Iterator[_Read]:
+    yield from product(frames, permutations(range(3)), product((1, -1), repeat=3))
 
 
-def _read(force: Array, axes: Mapping[str, Array], stated: str, reading: tuple[str, tuple[int, ...], tuple[int, ...]]) -> Array:
+def _changes(reading: _Read, stated: str) -> int:
+    """In how many ways a reading differs from the frame `stated`, as it is: one sign for all is fewer than some turned over."""
+    frame, order, signs = reading
+    return (frame != stated) + (order != (0, 1, 2)) + {3: 0, -3: 1}.get(sum(signs), 2)
+
+
+def _read(force: Array, axes: Mapping[str, Array], stated: str, reading: _Read) -> Array:
     """The force (n, 3), base frame, of another reading than that in the frame `stated`."""
     frame, order, signs = reading
     logged = np.einsum("nji,nj->ni", axes[stated], force)

@@ -67,6 +67,21 @@ def test_the_wrist_singularity_is_refused_within_a_tenth_of_a_degree(
         assert 0.1 < reached * np.sign(wrist) < 0.2
 
 
+@pytest.mark.parametrize(("wrists", "said"), [
+    ((2.05, 3, -4), ""),
+    ((3, 1.95, 2.05), "1 target with force is within 2 deg of the wrist singularity, the closest 1.95 deg"),
+    ((-1.95, 3, -1.5), "2 targets with force are within 2 deg of the wrist singularity, the closest 1.50 deg")])
+def test_near_the_wrist_singularity_is_within_two_degrees(tmp_path: Path, wrists: tuple[float, ...], said: str) -> None:
+    """Of where axis 5 is after the correction, which moves it by next to nothing here; the closest target is named."""
+    moves = [at([10, 10, 10 + k, 20, wrist, 30]).splitlines()[4] for k, wrist in enumerate(wrists)]
+    job = Job(tmp_path, program=kit.module(moves), forces=HEAD + "".join(f"{k},1,0,0\n" for k in range(3)))
+    run = job.correct("--json", "--keep-targets")
+    assert run.code == 0, run
+    closest = int(np.argmin(np.abs(wrists)))
+    assert [(one["level"], one["line"], one["target"], one["message"]) for one in of_code(run, "CS4110")] == (
+        [("warning", 5 + closest, closest, f"{said}: axes 4 and 6 turn fast there")] if said else [])
+
+
 @pytest.mark.parametrize(("climbs", "origin"), [(40, "CS3240"), (39, "CS3241")])
 def test_a_stated_depth_tells_the_cutting_stiffness_where_enough_targets_climb(
     tmp_path: Path, climbs: int, origin: str
@@ -99,6 +114,13 @@ def test_a_stated_depth_tells_the_cutting_stiffness_where_enough_targets_climb(
     stiffness = np.median(0.75 * 90 / (0.5 - 1e3 * np.array(aside))) * np.exp(0.3**2 / 2)
     std = 2 * stiffness * np.sqrt(np.expm1(0.3**2))
     assert found[0]["message"] == f"cutting stiffness by a depth of 0.5 mm: {stiffness:.3g} +- {std:.2g} N/mm (2 sigma)"
+    grows = 100 * stiffness * 1e3 * np.array(aside) / 90
+    followed = re.match(r"force follows the cut: with a cutting stiffness of (\S+) N/mm the corrected pass meets forces that "
+                        r"are (\+\S+) % \(median\), (\S+) % at most, off the logged; 5 with next to no force across the "
+                        r"feed, or in another cut, keep theirs$", of_code(run, "CS4120")[0]["message"])
+    assert followed
+    np.testing.assert_allclose([float(one) for one in followed.groups()], [
+        stiffness, np.median(grows), grows.max()], atol=0.06, rtol=5e-3)
 
 
 def sideways(path: Path3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,14 +9,25 @@ from typing import Any
 import click
 import numpy as np
 import pytest
+from scipy import stats
 
 from compensator.correction.correct import Corrected
-from compensator.correction.cutting_prior import MATERIALS, WIDTH, of_force, of_material
+from compensator.correction.cutting_prior import (
+    MATERIALS,
+    WIDTH,
+    depths,
+    of_force,
+    of_material,
+    of_slot,
+    of_slot_depth,
+    slot_depths,
+)
 from compensator.correction.cutting_stiffness import ZERO, CuttingStiffness, PassPair, of_either_sign, posterior
 from compensator.correction.known_slot import through_zero
 from compensator.correction.logged_pass import known_before, of_passes
-from compensator.correction.settings import Estimate
+from compensator.correction.settings import CorrectionSettings, Estimate
 from compstiff.cli.options import ScaledEstimate
+from identification.common.autocorrelation import autocorrelation_time
 from identification.model.cell_file import CuttingFile
 from tests.support import long
 from tests.virtual_cell.endmill import EndMill
@@ -222,3 +233,110 @@ def test_forty_targets_beside_slots_tell_how_stiff_a_cut_is(targets: int, slots:
     if taken:
         assert abs(found.value - 25e3) < 3 * found.mean_std < 15e3
         assert said[0].code == "CS4124"
+
+
+def by_definition(prior: Estimate, pairs: list[PassPair]) -> tuple[float, float, float]:
+    """Mean of K, its standard error and the spread's root mean square: by the covariance of all changes, with what a stretch
+    scatters more than is stated, the spread flat on a grid up to twice the stretches' own scatter."""
+    grown, starts, slopes, weights = [], [], [], []
+    for pair in pairs:
+        parts = np.array_split(np.arange(len(pair.depth)), max(min(20, len(pair.depth) // 8), 1))
+        starts.append(parts)
+        error = np.maximum(pair.error, 0.05)
+        for rows in parts:
+            line = np.polyfit(pair.depth[rows], pair.change[rows], 1, w=1 / error[rows])
+            left = (pair.change[rows] - np.polyval(line, pair.depth[rows])) / error[rows]
+            error[rows] *= np.sqrt(max(left @ left / (len(rows) - 2) * autocorrelation_time(left).values, 1.0))
+            weights.append(np.sum((pair.depth[rows] / error[rows]) ** 2))
+            slopes.append(np.sum(pair.depth[rows] * pair.change[rows] / error[rows] ** 2) / weights[-1])
+        grown.append(error)
+    middle = np.average(slopes, weights=weights)
+    widest = 2 * np.sqrt(np.average((slopes - middle) ** 2, weights=weights)) + 1e-6 * abs(middle)
+    spreads, found = np.linspace(0, widest, 41), []
+    for spread in spreads:
+        information, right, likely = prior.std**-2, prior.value / prior.std**2, 0.0
+        for pair, parts, error in zip(pairs, starts, grown, strict=True):
+            covariance = np.diag(error**2) + 4.0 * pair.direction @ pair.direction.T
+            for rows in parts:
+                covariance[np.ix_(rows, rows)] += spread**2 * np.outer(pair.depth[rows], pair.depth[rows])
+            inverse = np.linalg.inv(covariance)
+            information += pair.depth @ inverse @ pair.depth
+            right += pair.depth @ inverse @ pair.change
+            likely -= 0.5 * (pair.change @ inverse @ pair.change + np.linalg.slogdet(covariance)[1])
+        found.append((right / information, 1 / information, likely + 0.5 * right**2 / information - 0.5 * np.log(information)))
+    values, variances, likely = np.array(found).T
+    share = np.exp(likely - likely.max()) / np.exp(likely - likely.max()).sum()
+    mean = share @ values
+    return mean, np.sqrt(share @ (variances + (values - mean) ** 2)), np.sqrt(share @ spreads**2)
+
+
+@pytest.mark.parametrize("case", [
+    {"targets": 165, "stated": 3.0}, {"targets": 170, "spread": 9e3, "memory": 0.5, "stated": 0.4},
+    {"targets": 30, "spread": 9e3},
+    {"targets": 75, "noise": 0.02, "spread": 9e3}])
+def test_the_posterior_is_that_of_its_definition(case: dict[str, Any]) -> None:
+    rng = np.random.default_rng(17)
+    pairs = [replace(pair, error=pair.error * rng.uniform(0.5, 1.5, len(pair.error))) for pair in (
+        drawn(rng, 25e3, **case), drawn(rng, 25e3, **case))]
+    prior = Estimate(30e3, 20e3)
+    for some in (pairs[:1], pairs):
+        mean, error, spread = by_definition(prior, some)
+        signed = of_either_sign(prior, some)
+        assert (signed.value, signed.std) == pytest.approx((mean, error), rel=1e-6)
+        low = stats.truncnorm(-mean / error, np.inf, mean, error)
+        found = posterior(prior, some)
+        assert (found.value, found.mean_std, found.spread) == pytest.approx((low.mean(), low.std(), spread), rel=1e-6)
+        assert found.std == pytest.approx(np.hypot(low.std(), spread), rel=1e-6)
+        assert (found.origin, found.pairs) == ("passes", len(some))
+
+
+@pytest.mark.parametrize("prior", [Estimate(-5e3, 3e3), Estimate(0.0, 3e3), Estimate(-3e4, 1e3)])
+def test_a_stiffness_is_not_negative(prior: Estimate) -> None:
+    """A pair that tells nothing leaves a normal prior cut off at zero."""
+    found = posterior(prior, [drawn(np.random.default_rng(4), 25e3, noise=1e7)])
+    low = stats.truncnorm(-prior.value / prior.std, np.inf, prior.value, prior.std)
+    assert (found.value, found.mean_std) == pytest.approx((low.mean(), low.std()), rel=1e-2)
+
+
+@pytest.mark.parametrize(("std", "followed"), [(12.4e3, True), (12.6e3, False)])
+def test_a_stiffness_two_standard_errors_from_zero_is_followed(std: float, followed: bool) -> None:
+    known = CuttingStiffness(25e3, std, "passes", 5e3, 11e3, 2, climb_only=True)
+    assert known.followed == followed
+    assert known.size == pytest.approx(np.sqrt(25e3**2 + std**2))
+    assert known.as_dict() == {"n_per_mm": 25.0, "std_n_per_mm": pytest.approx(1e-3 * std), "spread_n_per_mm": 5.0,
+                               "origin": "passes", "climb_only": True, "pairs": 2, "followed": followed}
+
+
+@pytest.mark.parametrize(("spread", "words"), [
+    (1.19e3, "25 +- 24 N/mm (2 sigma)"), (1.21e3, "25 +- 24 N/mm (2 sigma, of which 2.4 from place to place)")])
+def test_how_much_places_differ_is_said_from_a_tenth_of_the_error_on(spread: float, words: str) -> None:
+    assert CuttingStiffness(25e3, 12e3, "passes", spread).words() == words
+
+
+def test_what_is_known_before_is_by_its_formulas() -> None:
+    """docs/formats.md: K = 0.8 k_c b v_f / v_c with chips of three teeth, sqrt(0.1) of the feed a tooth; of a slot a quarter of
+    k_c f at chips of 2 f_z / pi; by the force 0.75 of the push by its depth. Means and widths of log-normal numbers."""
+    cut = CuttingFile(material="titanium", tool_diameter_mm=12.0, contact_mm=5.0)
+    turn = 1e3 * 0.03 * 0.01
+    wall = 0.8 * 1560 * (turn / 3 * np.sqrt(0.1)) ** -0.23 * 5 * turn / (np.pi * 12)
+    slot = 0.25 * 1560 * (2 * turn / (3 * np.pi)) ** -0.23 * turn
+    for found, median, width in (
+            (of_material(cut, 0.03, 0.01), wall, 0.4), (of_slot(cut, 0.03, 0.01), slot, 0.4), (of_slot_depth(7e4), 70.0, 0.15),
+            (of_slot_depth(7e4, 0.8), 70.0, 0.8), (of_force(200.0, 3e-3), 50.0, 0.8), (of_force(200.0, 3e-3, 0.3), 50.0, 0.3)):
+        law = stats.lognorm(width, scale=1e3 * median)
+        assert found is not None
+        assert (found.value, found.std) == pytest.approx((law.mean(), law.std()), rel=1e-9)
+    for of in (cut.model_copy(update={"material": None}), cut):
+        assert of_slot(of, None, 0.01) is None
+        assert of_slot(of, 0.03, None) is None
+    assert of_slot(cut.model_copy(update={"material": None}), 0.03, 0.01) is None
+
+
+@pytest.mark.parametrize(("settings", "middle", "width"), [
+    (CorrectionSettings(), 0.75e-3, 0.8), (CorrectionSettings(depth_of_cut=2e-3), 2e-3, 0.3), (None, 2e-3, 0.8)])
+def test_depths_are_drawn_log_normally(settings: CorrectionSettings | None, middle: float, width: float) -> None:
+    """Stated or not, and of slots: means of powers of the depth."""
+    depth, weight = slot_depths() if settings is None else depths(settings)
+    assert weight.sum() == pytest.approx(1)
+    for power in (-2, -1, 1, 2):
+        assert weight @ depth**power == pytest.approx(middle**power * np.exp((power * width) ** 2 / 2), rel=1e-3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from compensator.correction.forward import loaded_blocks, loaded_tool, resting_a
 from compensator.correction.offsets import deviation_csv, offsets_csv
 from compensator.correction.prediction import predict_path
 from compensator.rapid import read_rapid
-from identification.common.findings import CompstiffError, Refused
+from identification.common.findings import CompstiffError, Finding, Refused
 from identification.model.rotations import Frame, rotation_vector
 from tests.compensator.correction.virtual_job import (
     AIR,
@@ -162,6 +163,13 @@ def test_one_forward_model(tmp_path: Path) -> None:
 
 # ---- load history ----------------------------------------------------------------------------------------------------------
 
+def step_of(finding: Finding, words: str) -> float:
+    """[um]"""
+    told = re.match(rf"{words} with force: deviation and correction step there, by up to (\S+) um$", finding.message)
+    assert told, finding
+    return float(told[1])
+
+
 def test_where_the_state_changes_is_said(tmp_path: Path) -> None:
     """The second cut turns the force round: the gap is crossed once, before its first target."""
     done = corrected(tmp_path, there_and_back(), [BACKLASH])
@@ -173,12 +181,16 @@ def test_where_the_state_changes_is_said(tmp_path: Path) -> None:
     found = [finding for finding in done.findings if finding.code == "CS4111"]
     assert len(found) == 1
     assert found[0].target == SECOND.start
-    assert found[0].message.startswith("backlash of joint 1 crosses its gap before 1 of 24 targets with force: deviation and")
+    # Out of the air, where the gear is in the middle of its gap, the tool swings by half of it about axis 1.
+    half = 7.3e-5 * 1e6 * np.hypot(*done.predicted.path.base_from_tcp.position[SECOND.start, :2])
+    assert step_of(found[0], "backlash of joint 1 crosses its gap before 1 of 24 targets") == pytest.approx(half, abs=0.06)
     path = there_and_back()
     cuts = Path6(np.delete(path.theta, AIR, axis=0), np.delete(path.wrench, AIR, axis=0))
     both = corrected(tmp_path / "both", cuts, [BACKLASH, HYSTERESIS])
     assert both.predicted.prediction.notes[12] == ("backlash of joint 1 crosses its gap before this target; "
                                                    "hysteresis of joint 1 slips the other way before this target")
+    gap, _ = [finding for finding in both.findings if finding.code == "CS4111"]
+    assert step_of(gap, "backlash of joint 1 crosses its gap before 1 of 24 targets") == pytest.approx(2 * half, abs=0.12)
     plain = corrected(tmp_path / "plain", there_and_back())
     assert not any(plain.predicted.prediction.notes)
 
@@ -288,6 +300,22 @@ def test_gravity_holds_the_gear_to_one_side(tmp_path: Path) -> None:
     assert rms(bare.prediction.position - plain.prediction.position) > 2e-5
     note = next(finding for finding in bare.findings if finding.code == "CS1404")
     assert note.message == "the robot file has no links: gravity torques are taken as zero in backlash of joint 2"
+
+
+@pytest.mark.parametrize(("hidden", "base", "asking"), [
+    ((BACKLASH, HYSTERESIS), "", ""), ((replace(TILT, joint=3),), "", ""),
+    ((replace(BACKLASH, joint=3),), "", "backlash of joint 3"),
+    ((BACKLASH,), "base_frame: {position_mm: [0, 0, 0], quaternion: [0.9999, 0.01414, 0, 0]}\n", "backlash of joint 1"),
+    ((replace(BACKLASH, joint=3), SPINDLE, replace(BACKLASH, joint=2)), "", "backlash of joint 3, backlash of joint 2")])
+def test_whom_unknown_gravity_concerns_is_told(tmp_path: Path, hidden: tuple[Hidden, ...], base: str, asking: str) -> None:
+    """Gears whose law asks for what gravity holds them to; about an upright axis 1 it holds none."""
+    inputs = job(tmp_path, there_and_back(), hidden)
+    robot = inputs.cell.with_name("robot.yaml")
+    robot.write_text(robot.read_text().split("links:")[0])
+    inputs.cell.write_text(inputs.cell.read_text() + base)
+    found = [finding for finding in predict_files(inputs).findings if finding.code == "CS1404"]
+    words = f"the robot file has no links: gravity torques are taken as zero in {asking}"
+    assert [(one.level, one.file, one.message) for one in found] == [("note", str(robot), words)] * bool(asking)
 
 
 # ---- what stays as it was --------------------------------------------------------------------------------------------------

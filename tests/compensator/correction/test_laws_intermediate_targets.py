@@ -21,7 +21,7 @@ from compensator.correction.force_changes import noise_of_one
 from compensator.correction.grid_forces import _centred, along_chords, forces_on
 from compensator.correction.grid_path import asks_for_all, grid_path
 from compensator.correction.needed_targets import Wanted, beyond_noise, needed_points, window_means, windows
-from compensator.correction.settings import Estimate, Settings
+from compensator.correction.settings import CLOSEST, Estimate, Settings
 from compensator.forces.target_forces import TargetForces
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import ORIGIN, Path3
@@ -136,9 +136,16 @@ def test_between_long_targets_the_tool_stays_on_the_plan(tmp_path: Path) -> None
     job = Job(tmp_path, program=path.program(), forces=log(160))
     result = job.correct("--json")
     assert result.code == 0
-    assert "CS4330" in kit.codes(result)
     assert worst_off_the_line(job, path) < 10e-6
     added = result.json["result"]["added_targets"]
+    (said,) = (one for one in result.json["findings"] if one["code"] == "CS4330")
+    # The program's own are written to as many digits as they were given with.
+    own = np.flatnonzero(["MoveL" in line and re.search(r"\.\d{8},", line.split("]")[0]) is not None
+                          for line in job.out.read_text().splitlines()])
+    longer = np.diff(own) - 1
+    assert (said["level"], said["line"], said["target"], said["message"]) == (
+        "note", 5 + 1 + np.flatnonzero(longer)[0], 1 + np.flatnonzero(longer)[0], f"{longer.sum()} intermediate targets in "
+        f"{(longer > 0).sum()} MoveL: the correction varies along them by more than 5 um (--tolerance)")
     assert added == len(kit.targets_of(job.out.read_text())) - 4 > 5
     assert len(job.offsets()) == 4, "one row a target of the program given"
     coarse = job.correct("--json", "--force", "--tolerance", "40").json["result"]["added_targets"]
@@ -475,7 +482,16 @@ def test_an_arc_is_kept_where_the_corrected_arc_is_one(tmp_path: Path, wave: flo
 def test_tooth_passing_is_no_force_to_follow(sample: Corrected, sample_inputs: Inputs) -> None:
     """Where the spindle's speed is ambiguous short means are tooth passing: no target is added for them. With the speed stated
     targets are, and along a cut their offsets do not go to and fro."""
-    assert "CS3093" in {finding.code for finding in sample.findings}
+    (coarse,) = (finding for finding in sample.findings if finding.code == "CS3093")
+    told = re.match(r"between targets nothing is looked at that is shorter than (\d+) ms: ", coarse.message)
+    assert told
+    # What is left of the lines moves the tool by less than half the tolerance, in pieces that last longer the less that is.
+    assert (coarse.level, coarse.file) == ("note", str(sample_inputs.forces))
+    closest = 1e3 * CLOSEST.time
+    for tolerance, said in ((5e-6 * int(told[1]) / (1.1 * closest), True), (5e-6 * int(told[1]) / (0.9 * closest), False)):
+        looser = replace(sample.planned, settings=Settings.of(tare=((0, 2),), tolerance=tolerance))
+        again, _, _ = intermediate_targets.with_intermediate_targets(looser)
+        assert [f"{1.1 * closest:.0f} ms" in one.message for one in again.findings if one.code == "CS3093"] == [True] * said
     assert len(sample.predicted.path.toolpath) == len(sample.predicted.program.toolpath)
     settings = Settings.of(tare=((0, 2),), spindle_rpm=9000.0)
     known = correct(predict_files(sample_inputs, settings))

@@ -130,8 +130,51 @@ def test_a_corner_that_serves_two_forces_harms_neither_and_is_said(tmp_path: Pat
     assert asked == pytest.approx(np.linalg.norm(offset[9]), abs=1)
     assert other == pytest.approx(np.linalg.norm(offset[11]), abs=1)
     assert left == pytest.approx(before, abs=1)
+    for tolerance, said in ((0.99 * before, True), (1.01 * before, False)):
+        again = job.correct("--json", "--keep-targets", "--force", "--tolerance", f"{tolerance:.3f}")
+        assert ("CS4114" in kit.codes(again)) == said, "told is what is left beyond the tolerance"
     job.program, job.forces = turning([160.0] * 21)
     assert "CS4114" not in kit.codes(job.correct("--force", "--json"))
+
+
+def inner_corner() -> tuple[str, str]:
+    """A program along a wall to an inner corner and on, a target every 0.2 mm, and its log: the wall pushes the tool back by
+    600 N, that behind the corner, of as much, in its place as it comes near."""
+    path = Path3(np.array([[0.2 * min(k, 20), 0.2 * max(k - 20, 0), 0] for k in range(41)]))
+    ways = np.array([path.frames[b].p - path.frames[a].p for a, b in ((0, 1), (39, 40))])
+    before, behind = kit.work_object().r.apply(ways / np.linalg.norm(ways, axis=1)[:, None])
+    share = np.clip((np.arange(41) - 14) / 7, 0, 1)
+    force = 600 * ((1 - share)[:, None] * behind - share[:, None] * before)
+    return path.program(), "target,fx_n,fy_n,fz_n\n" + "".join(
+        f"{k},{','.join(f'{x:.6f}' for x in one)}\n" for k, one in enumerate(force))
+
+
+def test_what_is_held_back_at_an_inner_corner_is_told_beyond_the_tolerance(tmp_path: Path) -> None:
+    """Against the same with a depth of cut that the tool of the log turned within, of which the hint tells. By the independent
+    arm it stood 0.12 mm early at the corner."""
+    program, forces = inner_corner()
+    job = Job(tmp_path, program=program, forces=forces)
+
+    def held(depth: float, tolerance: float = 5.0) -> tuple[np.ndarray, list[dict]]:
+        run = job.correct("--json", "--keep-targets", "--force", "--max-slope", "100000", "--tolerance", f"{tolerance}",
+                          "--depth-of-cut", f"{depth}")
+        assert run.code == 0, run
+        return kit.column(job.offsets(), "ox_mm", "oy_mm", "oz_mm"), [
+            one for one in run.json["findings"] if one["code"] == "CS4116"]
+
+    asked, nothing = held(0.13)
+    made, [found] = held(0.11)
+    size = 1e3 * np.linalg.norm(made - asked, axis=1)
+    worst, told = int(np.argmax(size)), int((size > 5).sum())
+    assert (nothing, found["level"], found["target"]) == ([], "warning", worst)
+    assert found["message"].endswith(f"towards the wall behind {told} corrections are held back, by up to {size[worst]:.0f} "
+                                     "um, which may be left there as stock")
+    assert size[worst] > 150
+    np.testing.assert_array_equal(np.flatnonzero(size), np.arange(15, 21))
+    for times, many in ((0.99, 1), (1.01, 0)):
+        _, again = held(0.11, times * size[worst])
+        assert len(again) == many
+        assert all("1 correction is held back" in one["message"] for one in again)
 
 
 def test_a_step_at_a_sharp_corner_is_the_paths_own(tmp_path: Path) -> None:

@@ -204,9 +204,18 @@ def test_coefficients_of_another_tool_are_refused() -> None:
     own = coefficients()
     check_same(own, own.cutter, "aluminium", "cell.yaml")
     check_same(own, replace(own.cutter, teeth=4), None, "cell.yaml")     # the same edges, more of them
-    for cutter, material in ((FLAT, "aluminium"), (own.cutter, "steel")):
-        with pytest.raises(CompstiffError, match="CS4721"):
-            check_same(own, cutter, material, "cell.yaml")
+    bull = "a bull-nose R1 end mill, diameter 16 mm, 3 teeth, the cell's is a "
+    for cutter, material, words in (
+            (Cutter(8e-3, 2), "aluminium", f"{bull}flat end mill, diameter 16 mm, 2 teeth"),
+            (Cutter(8e-3, 2, 8e-3), None, f"{bull}ball end mill, diameter 16 mm, 2 teeth"),
+            (own.cutter, "steel", "aluminium, the cell states steel"),
+            (Cutter(5e-3, 2), "steel", f"{bull}flat end mill, diameter 10 mm, 2 teeth and of aluminium, the cell states "
+                                       "steel")):
+        with pytest.raises(CompstiffError) as stopped:
+            check_same(replace(own, source=Path("cutting.json")), cutter, material, "folder/cell.yaml")
+        (found,) = stopped.value.findings
+        assert (found.code, found.file, found.message) == ("CS4721", "cutting.json", f"the coefficients are those of {words}")
+        assert found.hint == "fit them from a log with this tool and material, or correct `cutting` in cell.yaml"
 
 
 @pytest.mark.parametrize(("key", "within", "beyond"), [

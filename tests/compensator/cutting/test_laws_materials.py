@@ -95,3 +95,23 @@ def test_the_axial_share_of_an_edge_lies_between_no_helix_and_its_tangent() -> N
     middle, std = RATIOS[3], RATIO_STD[3]
     assert abs(0.7 / 27.7 - middle) < std / 3
     assert std < np.tan(np.radians(30)) - middle < 2 * std
+
+
+@pytest.mark.parametrize(("material", "specific", "exponent"), [("aluminium", 735.0, 0.25), ("steel", 1740.0, 0.23)])
+@pytest.mark.parametrize(("chip_um", "thick_mm"), [(100, 0.05), (10.2, 0.0051), (9, 0.005), (590, 0.295), (620, 0.3)])
+def test_the_coefficients_are_as_wide_as_what_they_are_made_of(
+        material: str, specific: float, exponent: float, chip_um: float, thick_mm: float) -> None:
+    """Kienzle's tangent at half the feed a tooth, within the chips that handbooks have; shares of it, each to its own width,
+    and the logarithm of all to 0.4, of the chip's to 0.1 more, of the edge's to 0.4 more: to first order in these seven."""
+    mean, covariance = coefficients_of(material, 1e-6 * chip_um)
+    chip = 1e6 * (1 - exponent) * specific * thick_mm**-exponent
+    edge = 1e3 * exponent * specific * thick_mm ** (1 - exponent)
+
+    def of(all_of_it: float, of_chip: float, of_edge: float, *shares: float) -> np.ndarray:
+        c, e = (np.exp(all_of_it + own) * part for own, part in ((of_chip, chip), (of_edge, edge)))
+        return np.array([c, shares[0] * c, shares[1] * c, e, shares[2] * e, shares[3] * e])
+
+    middle, std = np.array([0, 0, 0, 0.3, 0.2, 1.75, 0.1]), np.array([0.4, 0.1, 0.4, 0.15, 0.15, 0.8, 0.3])
+    np.testing.assert_allclose(mean, of(*middle), rtol=1e-12)
+    slope = np.array([(of(*(middle + step)) - of(*(middle - step))) / 2e-5 for step in 1e-5 * np.eye(7)]).T
+    np.testing.assert_allclose(covariance, slope @ np.diag(std**2) @ slope.T, rtol=1e-6)

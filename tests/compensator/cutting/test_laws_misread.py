@@ -91,3 +91,80 @@ def test_a_reading_is_told_in_words(frame: str, order: tuple[int, ...], signs: t
     told = Reading(frame, order, signs, 3.04, 91.0).words("base")
     assert told.startswith(words)
     assert told.endswith("would be off what the stock lets expect by 3.0 N RMS, as it is read by 91.0 N")
+
+
+ONE = np.array([1.0, 0, 0, 0, 0, 0])
+
+
+def read_of(
+    expected: np.ndarray, read: np.ndarray, scale: float = 1.0, width: float = 1e-6, frame: str = "base", model: float = 0.0
+) -> Reading | None:
+    """What is told of a log that reads `read` (n, 3) where `expected` is, each component known to `scale` [N], all of the
+    expected force to the share `width`, the model to `model`; in the base frame or in the tool's, whose x is its y."""
+    count = len(read)
+    weight, turned = np.zeros((count, 3, 6)), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    weight[:, :, 0] = expected
+    error = np.full((count, 3), np.sqrt(scale**2 - 0.2**2))
+    rows = ForceRows(weight, read, error, np.zeros((count, 3, 3)), np.arange(count) * 1e-3)
+    axes = {name: np.broadcast_to(turn, (count, 3, 3)) for name, turn in (("base", np.eye(3)), ("tool", turned))}
+    known = Coefficients(ONE, width**2 * np.diag(ONE) + 1e-12 * np.eye(6), model, Cutter(8e-3, 3), None, None, {})
+    return misread(rows, axes, frame, known, 1e-4, 1e-4)
+
+
+def to_and_fro(count: int, *size: float) -> np.ndarray:
+    """Forces (count, 3) [N] of these sizes whose means are zero, none of which another makes."""
+    return np.array(size) * np.resize([[1.0, 1, 1], [-1, 1, 1], [1, -1, 1], [-1, -1, 1], [1, 1, -1], [-1, 1, -1], [1, -1, -1],
+                                       [-1, -1, -1]], (count, 3))
+
+
+@pytest.mark.parametrize(("times", "told"), [(2.9, True), (3.1, False), (0.34, True), (0.33, False)])
+def test_a_reading_is_told_that_halves_what_the_log_is_off(times: float, told: bool) -> None:
+    """The force so many times as large as expected, with the other sign: off by |t - 1| against t + 1 times the force."""
+    force = to_and_fro(80, 100, 60, 30)
+    found = read_of(force, -times * force, width=0.1)
+    assert (found is not None) == told
+    if found is not None:
+        assert found[:3] == ("base", (0, 1, 2), (-1, -1, -1))
+        size = np.sqrt(100**2 + 60**2 + 30**2)
+        assert found[3:] == pytest.approx((abs(times - 1) * size, (times + 1) * size), rel=1e-9)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.34, True), (0.36, False)])
+def test_a_reading_is_told_that_leaves_about_a_third_of_the_force(share: float, told: bool) -> None:
+    """Of all the force that the log has; the rest of it is none of the cut's, and nothing else that is known explains it."""
+    force, other = to_and_fro(64, 100, 60, 30), np.resize([1.0, 1, 1, 1, 1, 1, 1, 1, -1, -1, -1, -1, -1, -1, -1, -1], 64)
+    rest = np.outer(other * np.resize([1.0, -1], 64), [0, 1, 0]) * np.sqrt(14500) * share / np.sqrt(1 - share**2)
+    assert (read_of(force, -(force + rest), 20.0) is not None) == told
+
+
+@pytest.mark.parametrize(("second", "scale", "told"), [
+    # 80 rows, of which the other sign of y would be off by twice its size: 60 for 20 to 1, ten neighbours for one.
+    (9.0, 50.0, True), (11.0, 50.0, False), (11.0, 25.5, False), (11.0, 25.0, True)])
+def test_a_reading_is_told_that_is_likelier_than_all_that_are_another(second: float, scale: float, told: bool) -> None:
+    """One whose forces are off its own by a fifth of the force may be as likely, and so may what is 20 to 1 less likely."""
+    size = np.hypot(100.0, second)
+    force = to_and_fro(80, 100 * 100 / size, second * 100 / size, 0)
+    found = read_of(force, -force, scale)
+    assert (found is not None) == told
+
+
+@pytest.mark.parametrize(("scale", "model", "told"), [
+    (20.4, 0.0, True), (21.0, 0.0, False), (1.0, 0.203, True), (1.0, 0.21, False)])
+def test_a_reading_is_told_that_is_twenty_times_as_likely_as_the_stated_one(scale: float, model: float, told: bool) -> None:
+    """Though the forces of both are alike: y turned over, of 9 N beside 100."""
+    force = to_and_fro(80, 100, 9, 0)
+    found = read_of(force, force * [1, -1, 1], scale, model=model)
+    assert (found is not None) == told
+
+
+@pytest.mark.parametrize(("expected", "stated", "reading"), [
+    ((100, 0, 0), "base", ("base", (0, 1, 2), (-1, -1, -1))), ((0, 100, 0), "tool", ("tool", (0, 1, 2), (-1, -1, -1))),
+    # Its z, of which the log has a trace, is as it is stated; 20 to 1 for that are not enough to say so.
+    ((100, 40, 3), "base", ("base", (0, 1, 2), (-1, -1, -1))), ((100, 40, 8), "base", ("base", (0, 1, 2), (-1, -1, 1)))])
+def test_of_readings_that_are_alike_the_plainest_is_told(
+        expected: tuple[float, ...], stated: str, reading: tuple[object, ...]) -> None:
+    """The other sign of all, where that of single axes, or another frame in another order, does as well."""
+    force = to_and_fro(80, *expected)
+    found = read_of(force, force * [-1, -1, 1], 10.0, frame=stated)
+    assert found is not None
+    assert found[:3] == reading

@@ -8,6 +8,7 @@ import pytest
 from compensator.coefficients.next_cut import next_cut
 from compensator.cutting.materials import MATERIALS, coefficients_of
 from compensator.cutting.posterior import ForcePosterior, ForceRows, _sizes, fit_coefficients
+from identification.common.autocorrelation import autocorrelation_time
 from tests.compensator.cutting.milled import FLAT, TRUE
 
 # Mean force by the textbook's closed forms, an engaged angle from a to b, per mm of depth: written here, not the program's.
@@ -139,3 +140,63 @@ def test_the_sizes_of_the_error_are_found_beside_rows_that_are_known_badly(
     assert np.mean(floors) == pytest.approx(size_of_floor, rel=0.1)
     assert np.mean(models) == pytest.approx(0.1, rel=0.1)
     assert np.all(np.std([floors, models], axis=1) < 2.5 * least)
+
+
+def stock_aside(seed: int) -> ForceRows:
+    """Rows of uneven scatter along a path of uneven steps, a stock that may stand aside two ways, and some gross rows."""
+    rng = np.random.default_rng(seed)
+    rows = simulated(seed, noise=3.0, memory=0.6)
+    aside = rng.normal(0, 4.0, (240, 3, 2))
+    force = rows.force + aside @ [0.7, -1.2]
+    force[50:53] += [60.0, -40.0, 20.0]
+    return ForceRows(rows.weight, force, rng.uniform(0.2, 3.0, (240, 3)), aside, np.cumsum(rng.uniform(2e-4, 2e-3, 240)))
+
+
+def test_the_posterior_is_that_of_the_errors_that_it_states() -> None:
+    """By the covariance of the forces, zero and stock among them, in place of the normal equations: with weights by each row's
+    residual in its stated error, as many rows as neighbours that remember each other tell."""
+    rows = stock_aside(21)
+    mean, covariance = coefficients_of("aluminium", 1e-4)
+    found = fit_coefficients(rows, mean, covariance)
+    force = rows.weight @ found.mean
+    slopes = np.abs(np.diff(force, axis=0) / np.diff(rows.place)[:, None])
+    steeper = np.array([slopes[max(k - 1, 0):k + 1].max(axis=0) for k in range(240)])
+    size = np.linalg.norm(force, axis=1)[:, None]
+    error = np.sqrt(rows.error**2 + (0.2e-3 * steeper) ** 2 + found.floor**2 + found.model_error**2 * size**2 / 3)
+    np.testing.assert_allclose(found.error, error, rtol=1e-5)
+    design = np.concatenate([rows.weight, np.tile(np.eye(3), (240, 1, 1)), rows.aside], axis=2).reshape(720, 11)
+    np.testing.assert_allclose(found.residual.ravel(), rows.force.ravel() - design @ np.r_[
+        found.mean, found.zero, found.aside], atol=1e-9)
+    square = np.mean((found.residual / error) ** 2, axis=1)
+    share = 1 / (1 + square / (2.5**2 * np.median(square) / 0.888**2))
+    variance = found.memory * error**2 / share[:, None]
+    before = np.zeros((11, 11))
+    before[:6, :6], before[6:, 6:] = covariance, np.diag([4.0, 4, 4, 1, 1])
+    gain = before @ design.T @ np.linalg.inv(design @ before @ design.T + np.diag(variance.ravel()))
+    x = np.r_[mean, np.zeros(5)] + gain @ (rows.force.ravel() - design[:, :6] @ mean)
+    behind = before - gain @ design @ before
+    scale = np.sqrt(np.diag(behind))
+    np.testing.assert_allclose((np.r_[found.mean, found.zero, found.aside] - x) / scale, 0, atol=1e-3)
+    np.testing.assert_allclose(found.covariance / np.outer(scale[:6], scale[:6]), behind[:6, :6] / np.outer(
+        scale[:6], scale[:6]), atol=1e-3)
+    np.testing.assert_allclose(found.gain.reshape(6, 720) / scale[:6, None], gain[:6] / scale[:6, None], atol=1e-4)
+    clipped = np.clip(found.residual / found.error, -2.5, 2.5)
+    assert found.memory == pytest.approx(autocorrelation_time(clipped, floor=0.05).values, rel=1e-3)
+    assert 2 < found.memory < 6, "of noise that remembers 0.6, which has (1 + 0.6) / (1 - 0.6)"
+    assert share[50:53].max() < 0.3
+    assert (found.floor, found.model_error) == pytest.approx(_sizes(
+        found.residual, rows.error**2 + (0.2e-3 * steeper) ** 2, size[:, 0]), rel=1e-3)
+
+
+def test_no_force_is_better_known_than_to_a_fifth_of_a_newton_and_no_model_than_to_three_hundredths() -> None:
+    """Of rows that are off by just as much as floor, model and what is known of each make; a gross row among hundreds, which
+    counts as three middling ones at most, says next to nothing."""
+    size, known = np.linspace(20, 300, 600), np.linspace(0.5, 0.01, 600)[:, None] * [0.5, 1, 1.5]
+    for floor, model in ((0.19, 0.029), (0.21, 0.029), (0.19, 0.031), (0.21, 0.031), (3.0, 0.1)):
+        residual = np.tile(np.sqrt(floor**2 + (model * size) ** 2 / 3 + known.mean(axis=1)), (3, 1)).T
+        told = max(floor, 0.2), max(model, 0.03)
+        assert _sizes(residual, known, size) == pytest.approx(told, rel=1e-6)
+        gross, as_three = residual.copy(), residual.copy()
+        gross[300], as_three[300] = 1e4, 3 * np.median(residual[:, 0])
+        assert _sizes(gross, known, size) == pytest.approx(_sizes(as_three, known, size), rel=5e-3)
+        assert _sizes(gross, known, size)[1] == pytest.approx(told[1], rel=0.01)

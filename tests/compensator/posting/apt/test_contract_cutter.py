@@ -81,15 +81,17 @@ def test_what_is_not_modelled_is_read_and_refused_for_forces_alone(tmp_path: Pat
     assert said in finding.message
 
 
-@pytest.mark.parametrize(("diameter", "corner", "name"), [(12.0, None, "tool_diameter_mm"), (16.0, 1.0, "corner_radius_mm"),
-                                                          (16.05, 2.0, "tool_diameter_mm")])
-def test_a_contradiction_names_the_line(tmp_path: Path, diameter: float, corner: float | None, name: str) -> None:
+@pytest.mark.parametrize(("diameter", "corner", "words"), [
+    (12.0, None, "16 mm, cutting.tool_diameter_mm of cell.yaml 12"),
+    (16.0, 1.0, "2 mm, cutting.corner_radius_mm of cell.yaml 1"),
+    (16.05, 2.0, "16 mm, cutting.tool_diameter_mm of cell.yaml 16.05")])
+def test_a_contradiction_names_the_line(tmp_path: Path, diameter: float, corner: float | None, words: str) -> None:
     cutters = stated(tmp_path, "CUTTER/16,2", MOVE)
     with pytest.raises(CompstiffError) as stopped:
         cutter_of(of_cell(diameter, corner), cutters)
     [finding] = stopped.value.findings
     assert (finding.code, finding.line, finding.column) == ("CS4716", 2, 1)
-    assert name in finding.message
+    assert finding.message == f"CUTTER/16,2 has {words}"
     assert cutter_of(of_cell(16.0, 2.0), cutters) == Cutter(8e-3, 3, 2e-3)
     assert said_of_cutter(of_cell(16.0, 2.0), cutters) == []
 
