@@ -193,7 +193,7 @@ def test_a_constant_besides_is_that_of_least_squares() -> None:
 
 
 def unlike(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Two sets of forces (count, 3) without a pattern, of mean zero and energy one, neither of which has anything of the other."""
+    """Two sets of forces (count, 3) without a pattern, of mean zero and energy one, neither with anything of the other."""
     drawn = np.random.default_rng(seed).normal(size=(count, 3, 2))
     basis = np.linalg.qr((drawn - drawn.mean(axis=0)).reshape(3 * count, 2))[0]
     return basis[:, 0].reshape(count, 3), basis[:, 1].reshape(count, 3)
