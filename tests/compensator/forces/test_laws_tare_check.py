@@ -71,7 +71,9 @@ def test_of_two_targets_that_differ_neither_is_named() -> None:
 
 
 def test_a_tare_of_all_targets_differs_from_nothing() -> None:
-    assert not said(tared(along(1, 0, 50, 100), stated=(0, 0, 0)), (0, 2))
+    log = tared(along(1, 0, 50, 100), stated=(0, 0, 0))
+    assert not said(log, (0, 2))
+    assert "targets 0 and 1 of --tare are not both in air" in said(log, (0, 2), (0, 1))[0][1]
 
 
 AIR = range(7)          # target 6 is left for a cut: 0 to 5 have air on either side
