@@ -80,8 +80,8 @@ AIR = range(7)          # target 6 is left for a cut: 0 to 5 have air on either 
 
 
 def of_air(bias: float, *others: float) -> np.ndarray:
-    """A tare at target 0 that shows a bias along y, five air moves that show so much along x, and a cut."""
-    return np.concatenate([along(1, bias), along(0, *others), along(1, *[300.0] * 6)])
+    """A tare at target 0 that shows a bias along y, five air moves that show so much along x, and a cut; a zero besides."""
+    return np.array([7.0, -20, 3]) + np.concatenate([along(1, bias), along(0, *others), along(1, *[300.0] * 6)])
 
 
 @pytest.mark.parametrize(("bias", "spread", "scatter", "tare_scatter", "allowed"), [
@@ -115,7 +115,7 @@ def test_a_tare_within_what_the_air_moves_show_is_air(
 def test_two_of_five_air_moves_are_enough_to_agree(agree: int, told: bool) -> None:
     """Those that agree with the tare at 40 N along y."""
     mean = of_air(40.0, *[0.0] * 5)
-    mean[[2, 4][:agree]] = [0, 40, 0]
+    mean[[2, 4][:agree]] += [0, 40, 0]
     # The middle of them is that of the three others, and more than half of them stand there.
     assert bool(said(tared(mean, air=AIR), (0, 0))) == told
 
