@@ -11,20 +11,22 @@ from compensator.forces.tare_check import TaredLog, doubts
 from compensator.forces.target_rows import TargetRows
 
 ROWS = 4
-NONE = np.zeros((0, 3))
+NONE, ZERO = np.zeros((0, 3)), np.array([7.0, -20, 3])
 
 
 def tared(
     mean: np.ndarray, scatter: float | Sequence[float] = 0.1, air: Sequence[int] = (), *, empty: Sequence[int] = (),
     before: np.ndarray = NONE, after: np.ndarray = NONE, stated: Sequence[float] | None = None,
 ) -> TaredLog:
-    """Four rows at each target but the empty ones: its mean (N, 3), to and fro along z by its scatter (N,) [N]."""
+    """Four rows at each target but the empty ones: its mean (N, 3), to and fro along z by its scatter (N,) [N]. What the sensor's
+    zero is, is no matter."""
     count = len(mean)
     seen = np.delete(np.arange(count), list(empty))
     target = np.repeat(seen, ROWS)
     off = np.outer(np.tile([1.0, -1, 1, -1], len(seen)) * np.broadcast_to(scatter, (count,))[target], [0, 0, 1])
-    return TaredLog("log.csv", mean[target] + off, TargetRows(count, target, np.ones(len(target))),
-                    np.isin(np.arange(count), air), before, after, None if stated is None else np.array(stated, dtype=float))
+    return TaredLog("log.csv", ZERO + mean[target] + off, TargetRows(count, target, np.ones(len(target))),
+                    np.isin(np.arange(count), air), ZERO + before, ZERO + after,
+                    None if stated is None else ZERO + np.array(stated, dtype=float))
 
 
 def along(axis: int, *values: float) -> np.ndarray:
@@ -80,8 +82,8 @@ AIR = range(7)          # target 6 is left for a cut: 0 to 5 have air on either 
 
 
 def of_air(bias: float, *others: float) -> np.ndarray:
-    """A tare at target 0 that shows a bias along y, five air moves that show so much along x, and a cut; a zero besides."""
-    return np.array([7.0, -20, 3]) + np.concatenate([along(1, bias), along(0, *others), along(1, *[300.0] * 6)])
+    """A tare at target 0 that shows a bias along y, five air moves that show so much along x, and a cut."""
+    return np.concatenate([along(1, bias), along(0, *others), along(1, *[300.0] * 6)])
 
 
 @pytest.mark.parametrize(("bias", "spread", "scatter", "tare_scatter", "allowed"), [
