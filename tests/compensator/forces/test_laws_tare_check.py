@@ -18,8 +18,8 @@ def tared(
     mean: np.ndarray, scatter: float | Sequence[float] = 0.1, air: Sequence[int] = (), *, empty: Sequence[int] = (),
     before: np.ndarray = NONE, after: np.ndarray = NONE, stated: Sequence[float] | None = None,
 ) -> TaredLog:
-    """Four rows at each target but the empty ones: its mean (N, 3), to and fro along z by its scatter (N,) [N]. What the sensor's
-    zero is, is no matter."""
+    """Four rows at each target but the empty ones: its mean (N, 3), to and fro along z by its scatter (N,) [N]. What the
+    sensor's zero is, is no matter."""
     count = len(mean)
     seen = np.delete(np.arange(count), list(empty))
     target = np.repeat(seen, ROWS)
