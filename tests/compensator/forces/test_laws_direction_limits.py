@@ -113,6 +113,15 @@ def test_a_sign_that_the_other_way_round_no_cutter_feels_is_right(degrees: float
             f"{kinds[0]} milling of little engagement; with the other sign as in {kinds[1]}")
 
 
+def test_frames_that_a_thin_cut_does_not_tell_apart_are_named() -> None:
+    """Not one that reads the log alike, nor one that no cutter feels, nor one that points all ways."""
+    cuts = driven()
+    frames = {"base": push(cuts, *at(20), 0.0), "tool": push(cuts, *at(30), 0.0), "sensor": push(cuts, *at(20), 0.0),
+              "other": push(cuts, *at(-30), 0.0), "loose": push(cuts, *at(30), 0.0, turned=500.0)}
+    [found] = said_of_direction(cuts, frames, "base", "log.csv")
+    assert found.message.endswith("with the other sign as in conventional; nor does it tell the frame base from tool")
+
+
 @pytest.mark.parametrize(("side", "degrees", "words"), [
     (1, 161, "climbs"), (1, 159, ""), (1, -11, "CS3068"), (1, -121, "climbs"), (-1, 79, "mills conventionally"), (-1, 81, ""),
     (-1, 1, "mills conventionally"), (-1, -121, "")])
