@@ -257,6 +257,19 @@ def test_points_beside_the_path_by_the_same_are_told_with_the_radius_that_would_
     assert not left_out(place_points(points, tracks.predicted, 8e-3, 2e-3), "CS5327")
 
 
+@pytest.mark.parametrize("radius", [0.0, 5.0])
+def test_normals_into_the_material_are_asked_about_and_no_radius_below_nothing_is_named(
+    tracks: TwoTracks, tmp_path: Path, radius: float
+) -> None:
+    """A wall 8 mm beside the first track, whose normals point away from that."""
+    wall = np.array([[x, -8, DEPTH, 0, -1, 0, 5] for x in range(20, 32)])
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,nx,ny,nz,dn_um", wall), read_cell(tracks.inputs.cell))
+    [found] = left_out(place_points(points, tracks.predicted, 1e-3 * radius, 20e-3), "CS5327")
+    assert f"the points stand {8 + radius:g} mm beyond where the tool went" in found.message
+    assert "would fit" not in found.hint
+    assert found.hint.startswith("do nx ny nz point out of the material, towards the tool?")
+
+
 @pytest.mark.parametrize(("tilt_deg", "said"), [(5.6, True), (5.9, False)])
 def test_a_direction_is_not_seen_to_which_all_normals_stand_square_within_six_degrees(
     tracks: TwoTracks, tmp_path: Path, tilt_deg: float, said: bool
