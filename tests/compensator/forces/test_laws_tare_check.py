@@ -122,6 +122,18 @@ def test_two_of_five_air_moves_are_enough_to_agree(agree: int, told: bool) -> No
     assert bool(said(tared(mean, air=AIR), (0, 0))) == told
 
 
+@pytest.mark.parametrize("bias", [5.1, 12.0, 50.0, 200.0])
+def test_the_air_moves_that_are_named_may_be_taken(bias: float) -> None:
+    """All but the first target, which is no air, so that no other air move is left to speak for them."""
+    log = tared(of_air(bias, *[0.0] * 5), air=AIR)
+    assert "such as --tare 1:5;" in doubts(log, [(0, 0)])[0].hint
+    assert not said(log, (1, 5))
+    # Where the last of them has a cut behind it, or one of them is no air move, they do not speak for themselves.
+    assert not said(tared(of_air(50.0, *[0.0] * 5), air=[1, 2, 3, 4, 5, 6]), (1, 5))
+    for air in ([1, 2, 3, 4, 5], [1, 2, 4, 5, 6]):
+        assert [code for code, _ in said(tared(of_air(50.0, *[0.0] * 5), air=air), (1, 5))] == ["CS3066"]
+
+
 def test_air_moves_are_named_up_to_the_first_that_is_none() -> None:
     """Moves 1, 2, 3 and 8 to 11 have air on either side; what the tare names is no other."""
     mean = np.concatenate([along(1, 40), np.zeros((3, 3)), along(1, *[300.0] * 4), np.zeros((4, 3))])
