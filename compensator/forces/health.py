@@ -136,7 +136,7 @@ class Health:
         values, same, moves, line = readings
         repeats = int(np.count_nonzero(same))
         channel.repeats += repeats
-        if repeats + channel.run < STUCK:
+        if repeats + max(channel.run, 1) < STUCK:
             # Too few repeats for a run that counts: only where the last one began is needed.
             last = len(values) - 1 - int(np.argmin(same[::-1])) if repeats < len(values) else 0
             if repeats < len(values):

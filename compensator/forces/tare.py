@@ -250,9 +250,9 @@ def _doubts(payload: Payload, readings: _StillReadings, log: ForceLog) -> list[F
                                 "kg (2 sigma) is not told from none: none is written", file=log.source,
                                 hint="does the log have its weight removed already?"))
     if payload.centre is None and _has_moment(readings.load, log) and share <= NO_WEIGHT:
-        findings.append(Finding("CS3044", "warning", f"the centre of mass is not estimated: "
-                                                     f"{counted(orientations, 'orientation')}, the "
-                                f"least turn {np.degrees(payload.turn[1]):.1f} deg over two directions", file=log.source,
+        findings.append(Finding("CS3044", "warning", "the centre of mass is not estimated: "
+                                f"{counted(orientations, 'orientation')}, the least turn {np.degrees(payload.turn[1]):.1f} deg "
+                                f"over two directions, {np.degrees(TURN):.1f} deg are needed", file=log.source,
                                 hint="tilt the spindle about a second axis too, three orientations or more"))
     force_std = payload.mass_std * FREE_FALL
     if force_std > UNCERTAIN:

@@ -161,7 +161,9 @@ def _against_witnesses(
     ends = (first <= END or last >= rows.count - 1 - END) and (whole or bulk_far)
     usual = float(np.median(scatter[others]))
     restless = np.sqrt(calm) > max(RESTLESS * largest, 2 * LEAST_FORCE) and QUIETER**2 * calm > usual
-    for_it = len(with_it) + ends + (QUIETER**2 * calm < usual)
+    # Moves at the air feed that the tare names are in air as a rule, as others are that it does not.
+    at_air = bool((tared.air & np.append(tared.air[1:], True))[inside].all())
+    for_it = len(with_it) + ends + at_air + (QUIETER**2 * calm < usual)
     speaks = len(group) + restless
     shown = "no other sample of the log is in air for certain"
     if group:

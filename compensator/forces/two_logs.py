@@ -105,7 +105,7 @@ def _turned(a: Array, b: Array) -> Reading:
     turned = a @ turn.T
     _, left = _scaled(turned, b)
     axes = [f"{'-' if turn[row, place] < 0 else ''}{'xyz'[place]}" for row, place in enumerate(np.abs(turn).argmax(axis=1))]
-    clear = bool((np.abs(turn).max(axis=1) > 0.95).all())
+    clear = axes != ["x", "y", "z"] and bool((np.abs(turn).max(axis=1) > 0.95).all())
     # What is mirrored besides is so along the axis about which it is turned.
     angle = np.degrees(np.arccos(np.clip((np.trace(turn) - np.sign(np.linalg.det(turn))) / 2, -1, 1)))
     how = f"x y z of one as {' '.join(axes)} of the other" if clear else (
@@ -137,7 +137,8 @@ def _more(a: Array, b: Array) -> Reading:
     factor = float(np.sum(deviation * b) / max(np.sum(deviation**2), 1e-300))
     constant = b.mean(axis=0) - factor * a.mean(axis=0)
     left = _left(b, factor * a + constant) if factor > 0 else np.inf
-    return Reading("CS3113", f"a constant of {' '.join(f'{x:.0f}' for x in constant)} N less in the second (base frame)", left,
+    named = " ".join(str(round(x)) for x in constant.tolist())
+    return Reading("CS3113", f"a constant of {named} N less in the second (base frame)", left,
                    "was the sensor zeroed under load, or does --tare name a cut in one of the logs?")
 
 

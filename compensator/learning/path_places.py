@@ -125,11 +125,12 @@ def _beside(
     scatter = float(np.median(np.abs(off - middle)))
     if abs(middle) < BESIDE or scatter > 0.2 * abs(middle):
         return []
+    fits = radius + middle
+    hint = ("--tool-radius-mm is the radius of the cutter; the probe's own must be taken off the points. "
+            f"{1e3 * fits:.3g} mm would fit" if fits > 0 else "do nx ny nz point out of the material, towards the tool?")
     return [Finding("CS5327", "warning", f"with a tool radius of {1e3 * radius:g} mm the points stand "
                     f"{1e3 * abs(middle):.3g} mm {'short of' if middle > 0 else 'beyond'} where the tool went, along their "
-                    "normals, in the middle", file=points.source,
-                    hint="--tool-radius-mm is the radius of the cutter; the probe's own must be taken off the points. "
-                    f"{1e3 * (radius + middle):.3g} mm would fit")]
+                    "normals, in the middle", file=points.source, hint=hint)]
 
 
 def _numbered(

@@ -228,3 +228,69 @@ def test_without_a_material_next_to_nothing_is_known_before(tmp_path: Path) -> N
     assert (material, [(one.code, one.level, one.file) for one in said]) == (
         "steel", [("CS4732", "note", str(tmp_path / "cell.yaml"))])
     assert said[0].message == "known before: the coefficients of steel by its specific cutting force, to about 40 %"
+
+
+# N/mm^2 and N/mm; a fifth, a tenth, nothing left to learn ... of the largest of each kind.
+MEANS, STDS = [700.0, 200, 90, 24, 15, 4], [70.0, 126, 300, 2.4, 12, 4]
+
+
+def fitted(higher: float | None = -0.07, rejected: str = "", after: float = 0.1) -> FittedCoefficients:
+    """As of a log: residuals of 3 N RMS an axis."""
+    unit = np.repeat([1e6, 1e3], 3)
+    coefficients = Coefficients(unit * MEANS, np.diag((unit * STDS) ** 2), 0.043, FLAT, "copper_alloy", None, {"from": "log"},
+                                rejected=rejected)
+    posterior: Any = SimpleNamespace(residual=np.tile([[3.0, -3, 3], [-3, 3, -3]], (40, 1)), memory=6.4,
+                                     zero=np.array([1.0, -2, 0.5]), aside=np.array([0.3, -1.1]))
+    cut: Any = SimpleNamespace(line=lambda: "engagement: so much", figures=lambda: {"cutting_targets": 7})
+    # Before the log each but the third was known to nothing like this, the third as well.
+    before_it = unit * np.array(STDS) * [10, 10, 1.05, 10, 10, 10]
+    further = OneCut(0.5, False, 0.08e-3, 0.4, after)
+    return FittedCoefficients(coefficients, before_it, posterior, cut, further, (), 0.63, higher)
+
+
+def test_what_is_written_of_a_fit_is_in_the_units_of_its_names() -> None:
+    found = fitted().as_dict()
+    assert found["coefficients"] == ["Ktc", "Krc", "Kac", "Kte", "Kre", "Kae"]
+    assert found["mean"] == pytest.approx(MEANS)
+    assert found["std"] == pytest.approx(STDS)
+    assert [row[-1] for row in found["covariance"]] == pytest.approx([std**2 for std in STDS])      # its lower half
+    assert found["log"] == {
+        "rows": 80, "residual_n": pytest.approx(3.0), "memory": 6.4, "zero_n": [1.0, -2.0, 0.5], "stock_aside": [0.3, -1.1],
+        "chip_force_of_table": 0.63, "were_the_top_1_mm_higher": -0.07}
+    assert found["engagement"] == {"cutting_targets": 7}
+    assert found["next_cut"] == {"width": 0.5, "climb": False, "feed_a_tooth_mm": pytest.approx(0.08), "force_std_before": 0.4,
+                                 "force_std_after": 0.1}
+    assert found["grades"] == ["reliable", "usable", "not identifiable", "reliable", "weak", "usable"]
+    bare = replace(fitted(), posterior=None, cut=None, further=None).as_dict()
+    assert (bare["log"], bare["engagement"], bare["next_cut"]) == (None, None, None)
+
+
+def test_a_fit_is_said_in_lines() -> None:
+    assert fitted().lines() == [
+        "engagement: so much",
+        "coefficients (linear edge: force = chip x Kc + edge x Ke; +-: 2 sigma)",
+        "Ktc      700.0 +- 1.4e+02 N/mm^2  reliable", "Krc      200.0 +- 2.5e+02 N/mm^2  usable",
+        "Kac       90.0 +- 6e+02   N/mm^2  not identifiable", "Kte       24.0 +- 4.8     N/mm    reliable",
+        "Kre       15.0 +- 24      N/mm    weak", "Kae        4.0 +- 8       N/mm    usable",
+        "fit: 80 targets, residual 3.00 N RMS; what the model leaves at a place: 4.3 % of the force; neighbours remember each "
+        "other over 6 targets",
+        "were the top of the stock 1 mm higher than in its file, Ktc would be 7 % too small",
+        "a chip needs 63 % of the force that the table has for copper alloy, which it knows to about 40 %",
+        "what would tell most: log conventional milling 50 % of the diameter wide at 0.08 mm a tooth: the force of any slot or "
+        "shoulder is then known to 10 % in place of 40 %"]
+
+
+@pytest.mark.parametrize(("change", "line", "said"), [
+    ({"higher": 0.07}, "Ktc would be 7 % too large", True), ({"higher": None}, "were the top of the stock", False),
+    ({"rejected": "no"}, "predict and correct refuse these coefficients", True), ({}, "predict and correct refuse", False),
+    ({"after": 0.31}, "what would tell most", True), ({"after": 0.33}, "what would tell most", False)])
+def test_a_line_is_there_where_it_says_something(change: dict[str, Any], line: str, said: bool) -> None:
+    """Another cut is named where it leaves under four fifths of what is not known."""
+    assert any(line in one for one in fitted(**change).lines()) == said
+
+
+@pytest.mark.parametrize(("width", "climb", "words"), [
+    (1.0, True, "a full slot at 0.125 mm a tooth"), (0.1, True, "climb milling 10 % of the diameter wide at 0.125 mm a tooth"),
+    (0.1, False, "conventional milling 10 % of the diameter wide at 0.125 mm a tooth")])
+def test_a_cut_is_named(width: float, climb: bool, words: str) -> None:
+    assert OneCut(width, climb, 0.125e-3).words() == words

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from compensator.forces.detection import over_noise
+from compensator.forces.detection import over_noise, over_scatter, without_gaps
 from compensator.forces.target_rows import TargetRows
 
 
@@ -18,3 +18,87 @@ def test_a_force_is_five_sigma_of_the_mean_and_three_of_the_zero(samples: int, t
     mean[:, 1] = np.array([0.99, -1.01, 1.01, 5.0]) * least
     # The last target has no sample.
     assert over_noise(mean, rows, np.full(6, 2.0), np.full(6, 2 / np.sqrt(tared))).tolist() == [False, True, True, False]
+
+
+def of_rows(*each: int) -> TargetRows:
+    """So many rows at each target."""
+    return TargetRows(len(each), np.repeat(np.arange(len(each)), each), np.ones(sum(each)))
+
+
+def test_a_component_without_noise_shows_a_force_by_being_other_than_zero() -> None:
+    mean = np.zeros((3, 6))
+    mean[1, 4], mean[2, 4] = 1e-9, 1e-12
+    assert over_noise(mean, of_rows(4, 4, 4), np.zeros(6), np.zeros(6)).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize(("sigmas", "forced"), [
+    ((0, 4.9, 0), (0, 0, 0)), ((0, -5.1, 0), (0, 1, 0)), ((1.9, 5.1, -1.9), (0, 1, 0)), ((2.1, -5.1, 2.1), (1, 1, 1)),
+    # Together the mean of n of as many sigmas has sqrt(n) times as many: 3 of 2.8 are 4.85, 4 of 2.6 are 5.2.
+    ((2.8, 2.8, 2.8, 0), (0, 0, 0, 0)), ((0, 2.6, 2.6, 2.6, 2.6), (0, 1, 1, 1, 1)), ((2.6, -2.6, 2.6, -2.6), (0, 0, 0, 0)),
+    ((2.1, 5.1, 0, 2.1, 2.1), (1, 1, 0, 0, 0))])
+@pytest.mark.parametrize("axis", [0, 2])
+def test_without_a_tare_a_run_of_two_sigmas_has_a_force_where_one_of_it_or_all_have_five(
+    sigmas: tuple[float, ...], forced: tuple[int, ...], axis: int
+) -> None:
+    """All scatter alike, by 3 N in the mean."""
+    mean = np.zeros((len(sigmas), 6))
+    mean[:, axis] = 3.0 * np.array(sigmas)
+    error = np.full((len(sigmas), 3), 3.0)
+    assert over_scatter(mean, error, of_rows(*[8] * len(sigmas))).tolist() == [bool(one) for one in forced]
+
+
+@pytest.mark.parametrize(("error", "rows", "least"), [
+    # Half of its own scatter of a sample and half of the lower quartile's, which is 8 N^2 here.
+    (1.0, 8, 5.0), (3.0, 8, 5 * np.sqrt(5.0)), (1.0, 32, 5 * np.sqrt(0.5 * (32 + 8) / 32)), (0.5, 8, 5 * np.sqrt(0.625))])
+def test_the_scatter_of_a_target_is_steadied_by_that_of_the_calm_ones(error: float, rows: int, least: float) -> None:
+    """Of eight others of 1 N in eight rows."""
+    errors, rows_of = np.ones((9, 3)), of_rows(*[8] * 4, rows, *[8] * 4)
+    errors[4] = error
+    for size in (0.99, 1.01):
+        mean = np.zeros((9, 6))
+        mean[4, 1] = size * least
+        assert over_scatter(mean, errors, rows_of).tolist() == [False] * 4 + [size > 1] + [False] * 4
+
+
+def test_of_few_rows_and_of_moments_any_mean_that_is_not_zero_is_a_force() -> None:
+    """Seven rows of one target, eight of the others, none of the last: its mean is nothing by itself."""
+    mean, rows = np.zeros((6, 6)), of_rows(8, 7, 7, 8, 8, 0)
+    mean[1, 0], mean[3, 5] = 1e-6, 1e-6
+    assert over_scatter(mean, np.ones((6, 3)), rows).tolist() == [False, True, False, True, False, False]
+    assert over_scatter(mean[:3], np.ones((3, 3)), of_rows(1, 7, 7)).tolist() == [False, True, False]
+
+
+GAP_CASES = [
+    # Between 100 N at target 1 and 200 N behind the gap: shares of what stands between, what is sampled, which moves cut.
+    ((0.51,), {}, True), ((0.49,), {}, False), ((-1.0,), {}, False), ((0.51, 0.51, 0.51), {}, True),
+    ((0.51, 0.51, 0.51, 0.51), {}, False), ((1.0, 0.49, 1.0), {}, False), ((1.0, 1.0), {"air": 2}, False),
+    ((1.0, 1.0), {"air": 4}, False), ((1.0, 1.0), {"air": 1}, True), ((1.0, 1.0), {"air": 5}, True)]
+
+
+@pytest.mark.parametrize(("shares", "change", "filled"), GAP_CASES)
+def test_up_to_three_targets_with_half_of_the_force_beside_them_belong_to_the_cut(
+    shares: tuple[float, ...], change: dict[str, int], filled: bool
+) -> None:
+    """The move to target 2 goes into the gap, that to the target behind it out of it; one without a sample stays without."""
+    count = len(shares)
+    force = np.zeros((count + 4, 3))
+    force[1], force[count + 2] = [60, 80, 0], [120, 160, 0]
+    way = np.arange(1, count + 1)[:, None] / (count + 1)
+    force[2:count + 2] = np.array(shares)[:, None] * ((1 - way) * force[1] + way * force[count + 2])
+    forced = np.isin(np.arange(count + 4), (1, count + 2))
+    cutting = np.arange(count + 4) != change.get("air", -1)
+    sampled = np.arange(count + 4) != 3
+    found = without_gaps(forced, sampled, cutting, force)
+    expected = forced.copy()
+    expected[2:count + 2] = filled & sampled[2:count + 2]
+    assert found.tolist() == expected.tolist()
+    # Nothing between two means that are none is no force.
+    assert without_gaps(forced, sampled, cutting, 0 * force).tolist() == forced.tolist()
+
+
+def test_forces_that_turn_round_between_the_ends_of_a_gap_have_nothing_half_way() -> None:
+    """100 N one way and the other: at one quarter 50 N are expected, in the middle none."""
+    forced, every = np.array([True, False, False, False, True]), np.ones(5, dtype=bool)
+    force = np.zeros((5, 3))
+    force[:, 0] = [100, 50, 0, -50, -100]
+    assert without_gaps(forced, every, every, force).tolist() == forced.tolist()

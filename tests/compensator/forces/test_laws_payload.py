@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
+from scipy.optimize import brentq
 
 from compensator.correction.correct import correct
 from compensator.correction.files import Inputs, predict_files
@@ -265,6 +266,51 @@ def test_readings_under_load_are_no_still_readings(tmp_path) -> None:
     assert code == 1
     assert said["findings"][0]["code"] == "CS3037"
     assert "100 N" in said["findings"][0]["message"]
+
+
+HEAD = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm"
+
+
+@pytest.mark.parametrize(("newton", "said"), [(29.9, False), (30.1, True)])
+def test_forces_that_vary_by_thirty_newtons_while_the_joints_stand_still_are_a_load(
+    tmp_path: Path, newton: float, said: bool
+) -> None:
+    """To and fro by (0.6, 0, 0.8) of it in one of eight orientations, by a tenth of it in the others."""
+    rows = []
+    for k, wrist in enumerate(WRIST):
+        shown = reading(kit.tcp_pose(IRB6660, np.radians([10.0, 10, 5, 0, *wrist]), kit.IDENTITY).r)
+        off = newton * (1.0 if k == 4 else 0.1) * np.array([0.6, 0, 0.8, 0, 0, 0])
+        rows += [[10, 10, 5, 0, *wrist, *(shown + (-1) ** j * off)] for j in range(20)]
+    still = tmp_path / "still.csv"
+    np.savetxt(still, rows, delimiter=",", fmt="%.6f", comments="", header=HEAD)
+    code, found = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
+    assert (code, found["findings"][0]["code"] == "CS3037") == (int(said), said)
+    if said:
+        assert found["findings"][0]["message"].startswith("the force varies by 30 N (1 sigma) while the joints stand still, at "
+                                                          "most 30 N are those")
+    else:
+        assert found["result"]["mass_kg"]["estimate"] == pytest.approx(MASS, abs=1e-6)
+
+
+@pytest.mark.parametrize(("least", "said"), [(0.099, True), (0.101, False)])
+def test_a_centre_needs_gravity_to_turn_about_a_second_axis(tmp_path: Path, least: float, said: bool) -> None:
+    """Tilted by ten degrees one way and the other, and turned by so much: an arm in the worst direction sees the two least of
+    the three spreads of g, in the root of their sum."""
+    def turn(across: float) -> tuple[np.ndarray, float]:
+        wrist = np.array([[50.0, 0], [60, 0], [70, across], [60, -across]])
+        down = np.array([kit.tcp_pose(IRB6660, np.radians([10.0, 10, 5, 0, *one]), kit.IDENTITY).r.inv().apply([0, 0, -1.0])
+                         for one in wrist])
+        return wrist, float(np.sqrt(np.sum(np.sort(np.linalg.eigvalsh(np.cov(down.T, ddof=0)))[:2])))
+
+    across = brentq(lambda angle: turn(angle)[1] - least, 1, 60)
+    wrist, _ = turn(across)
+    still = still_log(tmp_path, np.random.default_rng(1), wrist)
+    code, found = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
+    told = [(one["level"], one["message"]) for one in found["findings"] if one["code"] == "CS3044"]
+    assert (code, told) == (0, [(
+        "warning", f"the centre of mass is not estimated: 4 orientations, the least turn {np.degrees(least):.1f} deg over two "
+        "directions, 5.7 deg are needed")] if said else [])
+    assert (found["result"]["centre_of_mass_mm"] is None) == said
 
 
 def test_a_payload_that_is_not_told_from_none_is_not_written(tmp_path) -> None:

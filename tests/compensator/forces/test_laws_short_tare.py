@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,8 @@ import pytest
 from compensator.forces.log import read_force_log
 from compensator.forces.placement import place_forces
 from compensator.forces.target_forces import TargetForces
+from compensator.forces.target_rows import TargetRows
+from compensator.forces.zero import Zero, zero_of
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from identification.model.cell import read_cell
@@ -93,3 +97,76 @@ def test_a_short_stretch_beside_a_long_one_makes_a_zero_as_unsure_as_it_is(tmp_p
     left = place_forces(log, path, path.cell, tare=(17, 17), trust_tare=True)
     assert [one.level for one in left.findings if one.code == "CS3008"] == ["note"]
     assert left.zero_std < 0.25 * forces.zero_std
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> RobotPath:
+    return program(tmp_path_factory.mktemp("program"))
+
+
+def tared(
+    path: RobotPath, loads: list[np.ndarray], targets: list[int], tare: list[tuple[int, int]], weight: float = 1.0
+) -> Zero:
+    """The zero of a log with these rows (n, 6) at each of these targets, a row the mean of so many samples."""
+    target = np.repeat(targets, [len(each) for each in loads])
+    rows = TargetRows(len(PLACES), target, np.full(len(target), weight))
+    log: Any = SimpleNamespace(source="log.csv", has_moment=True)
+    return zero_of(log, path, path.cell, np.concatenate(loads), rows, tare, trusted=True)
+
+
+def rows(count: int, seed: int) -> np.ndarray:
+    """Noise (count, 6) that drifts, about a zero."""
+    rng = np.random.default_rng((seed, 9))
+    return rng.normal(0, 3, (count, 6)) + np.cumsum(rng.normal(0, 0.5, (count, 6)), axis=0) + [5, -3, 2, 1, 1, 1]
+
+
+def squared(values: np.ndarray, groups: int) -> np.ndarray:
+    """The variance (6,) of the mean of so many equal groups of neighbours, by their scatter."""
+    means = values.reshape(groups, -1, 6).mean(axis=1)
+    return np.asarray(means.var(axis=0, ddof=1) / groups)
+
+
+@pytest.mark.parametrize(("count", "groups"), [(256, 32), (320, 32), (120, 30), (36, 9)])
+def test_the_zero_of_a_long_stretch_is_as_sure_as_its_batches_scatter(path: RobotPath, count: int, groups: int) -> None:
+    """32 of them at most, of four rows at least; so many rows of ten samples each make the same of it."""
+    values = rows(count, count)
+    for weight in (1.0, 10.0):
+        found = tared(path, [values], [1], [(1, 1)], weight)
+        assert found.bias == pytest.approx(values.mean(axis=0), rel=1e-12)
+        assert found.std == pytest.approx(np.sqrt(squared(values, groups)), rel=1e-9)
+        assert found.noise == pytest.approx(found.std * np.sqrt(weight * count), rel=1e-12)
+        assert found.own_std == pytest.approx(np.sqrt(np.mean(found.std[:3] ** 2)))
+
+
+@pytest.mark.parametrize("weight", [1.0, 10.0])
+def test_of_few_batches_the_scatter_of_the_samples_stands_in_for_the_missing_ones(path: RobotPath, weight: float) -> None:
+    """Twelve rows are three batches: two degrees of freedom of eight, and six of the samples themselves."""
+    values = rows(12, 3)
+    expected = (2 * squared(values, 3) + 6 * squared(values, 12)) / 8
+    assert tared(path, [values], [1], [(1, 1)], weight).std == pytest.approx(np.sqrt(expected), rel=1e-9)
+
+
+@pytest.mark.parametrize("weight", [1.0, 10.0])
+@pytest.mark.parametrize("beside", [6, 5])
+def test_of_a_very_short_stretch_the_rows_beside_it_in_the_air_tell(path: RobotPath, beside: int, weight: float) -> None:
+    """Three rows: two degrees of freedom, and six by how far neighbours in the air differ, in the middle: the median of |x - y|
+    is 0.6745 sqrt(2) sigma. That takes eight pairs, of nine rows with these; of seven the three are all that is known. Rows of
+    the last air move before the cut, and of the cut, are not asked."""
+    values, others = rows(3, 4), rows(beside, 5)
+    found = tared(path, [values, others, 50 * rows(40, 6), 90 * rows(60, 7)], [0, 2, 3, 7], [(0, 0)], weight)
+    steps = np.abs(np.diff(np.concatenate([values, others]), axis=0))
+    own = squared(values, 3)
+    of_steps = 0.5 * (np.median(steps, axis=0) / 0.6745) ** 2 / 3
+    expected = (2 * own + 6 * of_steps) / 8 if beside == 6 else own
+    assert found.std == pytest.approx(np.sqrt(expected), rel=1e-9)
+
+
+def test_stretches_count_alike_in_the_zero_and_in_how_sure_it_is(path: RobotPath) -> None:
+    """64 and 256 rows: 16 batches and 32, of one noise; half of each mean."""
+    short, long = rows(64, 1), rows(256, 2)
+    found = tared(path, [short, long], [1, 17], [(1, 1), (17, 17)])
+    assert found.bias == pytest.approx(0.5 * (short.mean(axis=0) + long.mean(axis=0)), rel=1e-12)
+    # One noise of a sample by the scatter of both, each about its own mean.
+    noise = (15 * 64 * squared(short, 16) + 31 * 256 * squared(long, 32)) / 46
+    assert found.noise == pytest.approx(np.sqrt(noise), rel=1e-9)
+    assert found.std == pytest.approx(np.sqrt(noise * (1 / 64 + 1 / 256) / 4), rel=1e-9)

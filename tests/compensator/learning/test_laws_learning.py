@@ -40,6 +40,7 @@ from compensator.learning.sizes import (
 )
 from compensator.learning.terms import DRIFT_STD, SHIFT_STD, TURN_STD, Terms
 from compensator.learning.unshown import unshown
+from compensator.learning.wrong_factor import refuse_wrong_factor
 from identification.common.arrays import rms
 from identification.common.findings import Refused
 from identification.model.rotations import Frame
@@ -548,6 +549,66 @@ def test_points_that_belong_farther_along_are_told_by_how_far(shift: float) -> N
         way, by = ("farther" if shift > 0 else "less far"), float(re.search(r"predicted ([\d.]+) mm", told[0].message)[1])
         assert f"mm {way} along the path" in told[0].message
         assert abs(by - abs(shift)) <= 0.5
+
+
+def bump(length: np.ndarray) -> np.ndarray:
+    """40 um in the middle of 0.2 m, nothing from 30 mm before its ends on."""
+    return np.asarray(40e-6 * np.sin(np.pi * np.clip((length - 0.03) / 0.14, 0, 1)) ** 2)
+
+
+@pytest.mark.parametrize(("by_mm", "left", "sigmas", "said"), [
+    (1.0, 0.0, 9.0, ""), (1.5, 0.0, 9.0, "1.5 mm farther"), (-1.5, 0.0, 9.0, "1.5 mm less far"),
+    (10.0, 0.0, 9.0, "10.0 mm farther"), (-10.0, 0.0, 9.0, "10.0 mm less far"), (5.0, 0.59, 9.0, "5.0 mm farther"),
+    (5.0, 0.61, 9.0, ""),
+    (5.0, 0.59, 3.05, "5.0 mm farther"), (5.0, 0.59, 2.95, "")])
+def test_a_shift_is_said_that_is_long_leaves_little_and_is_seen(by_mm: float, left: float, sigmas: float, said: str) -> None:
+    """From 1.5 to 10 mm; where under 0.6 of what its own place leaves would be left, by something that no shift tells; where
+    that is three sigmas of the points."""
+    length = np.arange(401) * 0.5e-3
+    job = SimpleNamespace(path=SimpleNamespace(length=length), targets=np.arange(401),
+                          prediction=SimpleNamespace(position=np.column_stack([0 * length, bump(length), 0 * length])))
+    shown, own = bump(length + 1e-3 * by_mm), bump(length)
+    shifted = np.column_stack([bump(length + 0.5e-3 * k) for k in range(-20, 21)])
+    other = np.random.default_rng(3).normal(size=401)
+    other -= shifted @ np.linalg.lstsq(shifted, other, rcond=None)[0]
+    off = np.sum((shown - own * (shown @ own) / (own @ own)) ** 2)
+    measured = 1.2 * (shown + other * np.sqrt(left**2 / (1 - left**2) * off / (other @ other)))
+    as_is = 1.2 * np.sqrt(off / (1 - left**2) / 401)
+    rows: Any = SimpleNamespace(sigma=np.full(401, as_is / sigmas), seen=lambda field: field[:, 1:2])
+    assert [(one.code, one.level, one.file, one.message) for one in said_of_shift(rows, measured, job, "points.csv")] == ([(
+        "CS5329", "warning", "points.csv", f"the points are off as is predicted {said} along the path, not at their own "
+        f"places: {1e6 * left * as_is:.1f} um would be left in place of {1e6 * as_is:.1f}")] if said else [])
+
+
+@pytest.mark.parametrize(("factor", "sigmas", "size_um", "refused"), [
+    (0.5, -3.1, 20.0, True), (0.5, -2.9, 20.0, False), (2.0, 3.1, 20.0, True), (2.0, 2.9, 20.0, False), (1.0, 0.0, 20.0, False),
+    (-1.0, 0.0, 3.1, True), (-1.0, 0.0, 2.9, False)])
+@pytest.mark.parametrize("set_up", [False, True])
+def test_a_measured_deviation_that_is_no_multiple_of_the_predicted_is_refused(
+    factor: float, sigmas: float, size_um: float, refused: bool, set_up: bool
+) -> None:
+    """By three standard errors under a half or over two; of a predicted deviation of 3 um and more. Factor and error by least
+    squares over all that is free, each sigma as a row of its own, beside a set-up that is 0.4 mm off."""
+    given = terms(np.random.default_rng(5))
+    given = replace(given, job=np.eye(9) if set_up else np.zeros((9, 9)))
+    predicted = given.by_x[:, 0] * 1e-6 * size_um / rms(given.by_x[:, 0])
+    noise = Sizes(1.5, 0.0, 0.0)
+    columns = np.column_stack([predicted, given.of_job @ given.job])
+    weighted = np.vstack([columns / (1.5 * SIGMA), np.diag(np.concatenate([[0.0], 1 / given.of_job_std]))])
+    error = np.sqrt(np.linalg.pinv(weighted.T @ weighted)[0, 0])
+    value = factor + sigmas * error
+    residual = (value - 1) * predicted + (4e-4 * given.of_job[:, 0] if set_up else 0.0)
+    told = np.linalg.lstsq(weighted, np.concatenate([residual / (1.5 * SIGMA), np.zeros(10)]), rcond=None)[0][0] + 1
+    assert told == pytest.approx(value, abs=0.05 * error)
+    if not refused:
+        refuse_wrong_factor(replace(given, residual=residual), noise, predicted, "points.csv")
+        return
+    with pytest.raises(Refused) as stopped:
+        refuse_wrong_factor(replace(given, residual=residual), noise, predicted, "points.csv")
+    [said] = stopped.value.findings
+    assert (said.code, said.level, said.file) == ("CS5310", "error", "points.csv")
+    assert said.message == (f"the measured deviation is {told:.3g} +- {2 * error:.2g} times the predicted (2 sigma), expected "
+                            "0.5 to 2: nothing is learned")
 
 
 def test_no_point_is_shifted_on_one_target_or_none() -> None:

@@ -17,6 +17,7 @@ from compensator.learning.measured_points import read_points
 from compensator.learning.normals_alone import said_of_normals
 from compensator.learning.path_places import STEP, PathPlaces, place_points
 from compensator.learning.rows import rows_of
+from compensator.learning.unseen import said_of_unseen
 from identification.common.findings import CompstiffError, Finding
 from identification.model.cell import read_cell
 from tests.compensator.learning.two_tracks import DEPTH, TwoTracks, two_tracks, written
@@ -234,6 +235,66 @@ def test_points_that_show_nothing_along_the_feed_alone_are_told(
     size, wide = np.median(np.abs(off[:, 0])), np.median(np.linalg.norm(off[:, 1:], axis=1))
     assert all(one.message == f"along the feed the points are off by {along * size:.0f} um in the middle, where {size:.0f} are "
                f"predicted, and across it by {across * wide:.0f} of {wide:.0f}" for one in found)
+
+
+@pytest.mark.parametrize(("off_mm", "scatter", "count", "said"), [
+    (0.31, 0.0, 10, "short of"), (-0.31, 0.0, 10, "beyond"), (0.29, 0.0, 10, ""), (-0.29, 0.0, 10, ""), (0.31, 0.0, 9, ""),
+    (1.0, 0.19, 10, "short of"), (-1.0, 0.19, 10, "beyond"), (1.0, 0.21, 10, ""), (-1.0, 0.21, 10, "")])
+def test_points_beside_the_path_by_the_same_are_told_with_the_radius_that_would_fit(
+    tracks: TwoTracks, tmp_path: Path, off_mm: float, scatter: float, count: int, said: str
+) -> None:
+    """A wall 8 mm beside the first track, to and fro by such a share of what the stated radius is short by; 0.3 mm in the
+    middle, from ten points on. As the hint says it is right."""
+    wall = np.array([[x, -8 + scatter * off_mm * (-1) ** x, DEPTH, 0, 1, 0, 5] for x in range(20, 20 + count)])
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,nx,ny,nz,dn_um", wall), read_cell(tracks.inputs.cell))
+    placed = place_points(points, tracks.predicted, 1e-3 * (8 - off_mm), 2e-3)
+    found = left_out(placed, "CS5327")
+    assert len(placed.rows) == count
+    assert [(one.level, one.file, one.message) for one in found] == ([(
+        "warning", str(tmp_path / "p.csv"), f"with a tool radius of {8 - off_mm:g} mm the points stand {abs(off_mm):.3g} mm "
+        f"{said} where the tool went, along their normals, in the middle")] if said else [])
+    assert all(one.hint.endswith(" 8 mm would fit") for one in found)
+    assert not left_out(place_points(points, tracks.predicted, 8e-3, 2e-3), "CS5327")
+
+
+@pytest.mark.parametrize("radius", [0.0, 5.0])
+def test_normals_into_the_material_are_asked_about_and_no_radius_below_nothing_is_named(
+    tracks: TwoTracks, tmp_path: Path, radius: float
+) -> None:
+    """A wall 8 mm beside the first track, whose normals point away from that."""
+    wall = np.array([[x, -8, DEPTH, 0, -1, 0, 5] for x in range(20, 32)])
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,nx,ny,nz,dn_um", wall), read_cell(tracks.inputs.cell))
+    [found] = left_out(place_points(points, tracks.predicted, 1e-3 * radius, 20e-3), "CS5327")
+    assert f"the points stand {8 + radius:g} mm beyond where the tool went" in found.message
+    assert "would fit" not in found.hint
+    assert found.hint.startswith("do nx ny nz point out of the material, towards the tool?")
+
+
+@pytest.mark.parametrize(("tilt_deg", "said"), [(5.6, True), (5.9, False)])
+def test_a_direction_is_not_seen_to_which_all_normals_stand_square_within_six_degrees(
+    tracks: TwoTracks, tmp_path: Path, tilt_deg: float, said: bool
+) -> None:
+    """Walls along x and y that lean so much, to and fro: a hundredth of the mean square is one of 5.74 degrees."""
+    lean, up = np.cos(np.radians(tilt_deg)), np.sin(np.radians(tilt_deg))
+    table = np.array([[x, 0, DEPTH, (x % 2) * lean, (1 - x % 2) * lean, up * (-1) ** (x // 2), 5] for x in range(8, 48)])
+    file = written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,nx,ny,nz,dn_um", table)
+    points = read_points(file, read_cell(tracks.inputs.cell))
+    rows = rows_of(points, place_points(points, tracks.predicted, 0.0, 1e-3), tracks.predicted)
+    found = said_of_unseen(rows, tracks.predicted, "p.csv")
+    assert [(one.code, one.level, one.file) for one in found] == ([("CS5331", "warning", "p.csv")] if said else [])
+    assert all("off along (0.00, 0.00, 1.00) of its work object: " in one.message for one in found)
+
+
+def test_along_one_normal_alone_two_directions_are_not_seen(tracks: TwoTracks, tmp_path: Path) -> None:
+    """Each is told by itself, the larger of its components forwards."""
+    table = np.array([[x, 0, DEPTH, 0.6, 0.8, 0, 5] for x in range(20)])
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,nx,ny,nz,dn_um", table), read_cell(tracks.inputs.cell))
+    rows = rows_of(points, place_points(points, tracks.predicted, 0.0, 1e-3), tracks.predicted)
+    found = said_of_unseen(rows, tracks.predicted, "p.csv")
+    along = np.array([np.fromstring(one.message.split("along (")[1].split(")")[0], sep=",") for one in found])
+    assert along @ [0.6, 0.8, 0] == pytest.approx([0, 0], abs=0.01)
+    assert along @ along.T == pytest.approx(np.eye(2), abs=0.02)
+    assert (along[[0, 1], np.abs(along).argmax(axis=1)] > 0).all()
 
 
 @pytest.mark.parametrize("count", [140, 141])
