@@ -16,6 +16,7 @@ from identification.common.findings import CompstiffError, Finding
 from identification.fit.fit import Fit, _against_prior, _light_rows, _other_noise, fit_stiffness
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, Mend
+from identification.fit.mistakes.judge import common_factor_findings
 from identification.fit.noise import noise_model
 from identification.fit.report import identification_report
 from identification.fit.visits import VisitScore
@@ -218,3 +219,22 @@ def test_the_report_lists_what_counts_less_and_what_was_left_out(fit: Fit) -> No
         assert words in table
     many = identification_report(replace(fit, row_weight=np.linspace(0.1, 0.9, count)))
     assert many.split("Rows that count less")[-1].split("</table>")[0].count("<tr>") == 21
+
+
+@pytest.mark.parametrize(("times", "said"), [
+    (2.9, ""), (3.1, "3.1 times stiffer"), (1 / 2.9, ""), (1 / 3.1, "3.1 times softer"),
+    (1 / 4.44822, "4.45 times softer than the prior's medians, as they would with forces in lbf, not in N"),
+    (20.0, "20 times stiffer than the prior's medians, as they would with deflections in mil, not in um"),
+    (180.0, "180 times stiffer")])
+def test_a_factor_common_to_all_joints_is_said_with_the_unit_it_looks_like(fit: Fit, times: float, said: str) -> None:
+    """Newtons written as pounds of force are fewer, and make the springs look softer; micrometres as mil make them stiffer."""
+    prior = fit.posterior.prior
+    off = SimpleNamespace(data=fit.posterior.data, prior=prior, mean=-np.log(times * prior.prior.stiffness),
+                          covariance=0.01 * np.eye(6))
+    found = common_factor_findings(off)
+    assert [(one.code, one.level, one.file) for one in found] == [("CS1702", "warning", fit.measurements.source)][: bool(said)]
+    if said:
+        end = "" if "prior" in said else " than the prior's medians"
+        assert found[0].message == f"all joints come out {said}{end}"
+        assert found[0].hint is not None
+        assert "state prior.stiffness_nm_per_rad in cell.yaml" in found[0].hint
