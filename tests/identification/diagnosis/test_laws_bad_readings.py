@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from identification.diagnosis import procedure, slips_rather
 from identification.diagnosis.procedure import Procedure
 from identification.diagnosis.slips_rather import Suspected, suspected, wrong_angles_rather
+from identification.fit.mistakes.judge import Mistakes
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,9 @@ class Said:
     detection: Any = None
     adequacy: Any = None
     showing: Any = ()
+    scatter: Any = None
+    lost: tuple[str, ...] = ()
+    law_differs: bool = False
     rows: Any = field(default_factory=lambda: Rows(np.arange(1, 7)))
 
 
@@ -296,3 +300,91 @@ def test_a_pose_is_suspected_all_of_whose_readings_a_cause_touches_and_no_other(
     assert suspected(judgement, 5).visits == ((bad[0],) if found else ())
     test.rest = None
     assert suspected(judgement, 5).visits == ()
+
+
+def misfit(monkeypatch: pytest.MonkeyPatch, *, left: float = 0.5, chance: float = 0.01, scatter: Any = (), nearly: bool = False,
+           support: float | None = 9.0, sure: Any = None, beyond: Any = None, sound: bool = False, strain: bool = False,
+           enough: bool = True) -> tuple[Any, list[str]]:
+    """What is said of rows whose misfit is of this chance, with causes that leave one of another; and the steps taken."""
+    taken: list[str] = []
+
+    def found(name: str) -> Any:
+        return SimpleNamespace(
+            name=name, named=SimpleNamespace(seen=SimpleNamespace(dictionary=SimpleNamespace(entries=range(9))), lost=("x",)),
+            best=None if support is None else SimpleNamespace(log_evidence=support), fitted=f"fit of {name}", scatter=scatter,
+            adequacy=SimpleNamespace(p_value=left), enough=enough)
+
+    def step(name: str, answer: Any) -> Any:
+        return lambda *of: taken.append(name) or answer
+
+    search = SimpleNamespace(searched=step("searched", found("first")), likeliest=step("likeliest", found("likeliest")),
+                             held_against_noise=step("held", found("held")))
+    for name, answer in (("mistakes_in", Mistakes(None, (), sure)), ("without_slight", ("without slight", frozenset("s")))):
+        monkeypatch.setattr(procedure, name, step(name, answer))
+    for name, answer in (("beyond_the_fit", beyond), ("nearly_all", nearly), ("strained", strain), ("physics_of", 7.0)):
+        monkeypatch.setattr(procedure, name, lambda *of, answer=answer: answer)
+    monkeypatch.setattr(procedure, "beside", lambda judgement, mistakes, physics: replace(judgement, of=f"beside {physics}"))
+    monkeypatch.setattr(Procedure, "search", search)
+    monkeypatch.setattr(Procedure, "unknown", lambda self, judgement, seen, left: replace(
+        judgement, verdict="unknown", patterns=(left.p_value,)))
+    monkeypatch.setattr(Procedure, "with_names", lambda self, judgement, seen, best, slight: replace(
+        judgement, verdict="named", patterns=tuple(slight)))
+    plain = SimpleNamespace(with_usual_noise="usual")
+    judgement: Any = Said("adequate", plain=plain, detection=SimpleNamespace(p_value=chance))
+    return steps(sound=sound).named(judgement), taken
+
+
+@pytest.mark.parametrize(("left", "chance", "scatter", "nearly", "verdict", "differs"), [
+    (0.011, 0.01, (), False, "named", False), (0.009, 0.01, (), False, "unknown", False),
+    (0.006, 0.2, (), False, "named", False), (0.004, 0.2, (), False, "unknown", False),
+    (0.006, 0.001, (), False, "named", False), (0.004, 0.001, (), False, "unknown", False),
+    (0.5, 0.01, ("sensor",), False, "unknown", False), (0.5, 0.01, ("sensor",), True, "named", True),
+    (0.004, 0.001, (), True, "named", True), (0.5, 0.001, (), True, "named", False)])
+def test_causes_are_named_that_leave_noise_or_next_to_nothing(
+        monkeypatch: pytest.MonkeyPatch, left: float, chance: float, scatter: tuple[str, ...], nearly: bool, verdict: str,
+        differs: bool) -> None:
+    """Noise is what one in two hundred shows, and more than the misfit was where that alarmed. What explains nearly all, and
+    leaves more, has another law. Terms that are none are taken out first."""
+    found, taken = misfit(monkeypatch, left=left, chance=chance, scatter=scatter, nearly=nearly)
+    assert (found.verdict, found.law_differs) == (verdict, differs)
+    assert found.of == "beside 7.0"
+    assert found.lost == ("x",)
+    assert taken == ["mistakes_in", "searched", "likeliest"] + ["without_slight"] * (verdict == "named")
+    assert found.extended == ("without slight" if verdict == "named" else "fit of likeliest")
+    # Of an unknown cause what the causes leave is seen, where they explain anything.
+    assert found.patterns == (("s",) if verdict == "named" else (left,))
+
+
+@pytest.mark.parametrize(("support", "left"), [(0.9, 0.01), (None, 0.01)])
+def test_where_no_cause_explains_anything_the_misfit_itself_is_seen(
+        monkeypatch: pytest.MonkeyPatch, support: float | None, left: float) -> None:
+    found, taken = misfit(monkeypatch, support=support)
+    assert (found.verdict, found.patterns) == ("unknown", (left,))
+    assert ("without_slight" in taken) is (support is not None)
+
+
+@pytest.mark.parametrize(("strain", "enough", "held"), [(True, True, True), (True, False, False), (False, True, False)])
+def test_causes_beside_a_noise_that_has_grown_are_held_against_it(
+        monkeypatch: pytest.MonkeyPatch, strain: bool, enough: bool, held: bool) -> None:
+    _, taken = misfit(monkeypatch, strain=strain, enough=enough)
+    assert ("held" in taken) is held
+
+
+@pytest.mark.parametrize(("sure", "beyond", "mistake"), [("sure", None, "sure"), (None, "a unit", "a unit"),
+                                                        ("sure", "a unit", "sure")])
+def test_a_mistake_that_is_clear_ends_the_search(
+        monkeypatch: pytest.MonkeyPatch, sure: Any, beyond: Any, mistake: str) -> None:
+    found, taken = misfit(monkeypatch, sure=sure, beyond=beyond)
+    assert (found.verdict, found.mistakes) == ("mistake", (mistake,))
+    assert taken == ["mistakes_in"]
+
+
+def test_mistakes_are_not_looked_for_again_where_a_look_at_more_rows_found_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert misfit(monkeypatch, sound=True)[1] == ["searched", "likeliest", "without_slight"]
+
+
+def test_all_that_is_drawn_begins_at_the_seed() -> None:
+    assert [steps().rng.random() for _ in range(2)] == [np.random.default_rng(5).random()] * 2
+    one = steps()
+    assert one.search.rng is one.rng
+    assert (one.search.alarm, one.search.replicates) == (0.05, 10)
