@@ -68,6 +68,14 @@ class Said:
     rows: Any = field(default_factory=lambda: Rows(np.arange(1, 7)))
 
 
+@dataclass(frozen=True)
+class Unknown(Said):
+    """With what an unknown cause has more."""
+
+    alternatives: tuple[Any, ...] = ("before",)
+    withdrawn: Any = None
+
+
 def steps(**more: Any) -> Procedure:
     data: Any = Data(Rows(np.arange(1, 7)))
     return Procedure(data, {}, 0.05, 10, 5, **more)
@@ -388,3 +396,32 @@ def test_all_that_is_drawn_begins_at_the_seed() -> None:
     one = steps()
     assert one.search.rng is one.rng
     assert (one.search.alarm, one.search.replicates) == (0.05, 10)
+
+
+@pytest.mark.parametrize(("found", "possible", "slight", "asked"), [
+    (None, ("a",), (), False), ("search", (), (), False), ("search", ("a",), (), True), ("search", (), ("a",), True)])
+def test_physics_is_weighed_where_there_is_a_mistake_to_hold_it_against(
+        monkeypatch: pytest.MonkeyPatch, found: Any, possible: Any, slight: Any, asked: bool) -> None:
+    monkeypatch.setattr(procedure, "log_posterior", lambda *of: of)
+    seen: Any = SimpleNamespace(dictionary=SimpleNamespace(entries=range(9)))
+    fitted: Any = "fit"
+    value = procedure.physics_of(Mistakes(found, possible, None, slight), seen, fitted)
+    assert value == (("search", "fit", 9) if asked else 0.0)
+
+
+@pytest.mark.parametrize(("verdict", "mistakes", "sound"), [
+    ("named", (), True), ("named", ("a",), False), ("ambiguous", (), False), ("adequate", (), False)])
+def test_sound_is_what_names_causes_and_no_mistake(verdict: str, mistakes: tuple[str, ...], sound: bool) -> None:
+    judgement: Any = Said(verdict, mistakes=mistakes)
+    assert procedure.sound(judgement) is sound
+
+
+def test_what_is_unknown_leaves_the_plain_model_and_what_was_tried() -> None:
+    """With the nearest names and what is seen of it; no law is said to differ."""
+    seen: Any = SimpleNamespace(hypotheses=(), dictionary=SimpleNamespace(entries=()))
+    left: Any = SimpleNamespace(seen_patterns=("a pattern",))
+    judgement: Any = Unknown("named", law_differs=True)
+    found: Any = steps().unknown(judgement, seen, left, {"play[1]": "why"})
+    assert found == replace(judgement, verdict="unknown", extended="plain", tried="extended", patterns=("a pattern",),
+                            withdrawn={"play[1]": "why"}, law_differs=False, alternatives=())
+    assert steps().unknown(judgement, seen, left).withdrawn == {}

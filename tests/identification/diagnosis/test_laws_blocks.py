@@ -19,13 +19,13 @@ from tests.identification.diagnosis.test_laws_diagnosis import machined, pass_fi
 BEFORE = 12
 
 
-@pytest.fixture(scope="module", params=[(0.0, 650), (0.8, 300)])
+@pytest.fixture(scope="module", params=[(0.0, 430), (0.8, 220)])
 def passes(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
            ) -> tuple[float, Cell, Measurements, Measurements, Thinning]:
-    """Two passes of so many rows, one of five to validate, and noise with this memory, as they are and in blocks; some
+    """Three passes of so many rows, one of five to validate, and noise with this memory, as they are and in blocks; some
     readings, and most of the sigmas, are missing."""
     memory, count = request.param
-    case, design = machined(3, [], memory, count, 2)
+    case, design = machined(3, [], memory, count, 3)
     cell, rows = pass_file(case, design, tmp_path_factory.mktemp("passes"), count)
     place = np.arange(len(rows))
     deflection, sigma = rows.deflection.copy(), np.full((len(rows), 3), np.nan)

@@ -387,12 +387,14 @@ def named(monkeypatch: pytest.MonkeyPatch, *, difference_um: float = 0.0, far: f
 @pytest.mark.parametrize(("sets", "verdict"), [
     ([((0, 1), 0.5), ((0,), 0.3), ((0, 2), 0.16), ((2,), 0.04)], "named"),
     ([((0, 1), 0.5), ((0,), 0.3), ((0, 2), 0.14), ((2,), 0.06)], "ambiguous"),
-    ([((0, 1), 0.5), ((1,), 0.3), ((1, 2), 0.2)], "ambiguous")])
+    ([((0, 1), 0.5), ((1,), 0.3), ((1, 2), 0.2)], "ambiguous"),
+    ([((0,), 0.94), ((0, 2), 0.06)], "ambiguous"), ([((0,), 0.96), ((0, 2), 0.04)], "named")])
 def test_beside_a_term_that_is_no_name_it_matters_not_which_it_was(
         monkeypatch: pytest.MonkeyPatch, sets: list[tuple[tuple[int, ...], float]], verdict: str) -> None:
-    """Of two causes the second is slight: every set with the first counts for it, alone or with any other."""
+    """Of two causes the second is slight: every set with the first counts for it, alone or with any other. Where none is, only
+    the very set does."""
     play, small = (One(name, 0.5, SimpleNamespace(name=name)) for name in ("play", "small"))
-    terms = tuple(SimpleNamespace(label=each.label, effect=each.effect) for each in (play, small))
+    terms = tuple(SimpleNamespace(label=each.label, effect=each.effect) for each in (play, small)[: len(sets[0][0])])
     hypotheses = [SimpleNamespace(key=frozenset(of), probability=share, log_evidence=9.0) for of, share in sets]
     seen: Any = SimpleNamespace(hypotheses=hypotheses, dictionary=SimpleNamespace(entries=[play, small, One("other", 0.1)]))
     for name, answer in (
