@@ -125,7 +125,7 @@ def test_the_name_of_a_table_breaks_no_comment(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("pulled", [False, True])
 def test_a_table_of_masses_stays_one(tmp_path: Path, pulled: bool) -> None:
-    """A weight is as heavy at every pose, which a force is not: what hung hangs again, and what a rope pulled pulls; in grams for
+    """A weight is as heavy at every pose, which a force is not: what hung hangs again, and a rope pulls again; in grams for
     kilograms before. A row whose force the mistake turned is no weight."""
     cell = read_cell(SAMPLES / "cell.yaml")
     head, *lines = [line for line in (SAMPLES / "measurements.csv").read_text().splitlines() if not line.startswith("#")]
