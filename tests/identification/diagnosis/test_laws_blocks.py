@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification.diagnosis.blocks import Thinning, in_blocks
+from identification.diagnosis.blocks import Thinning, in_blocks, residual_memory
+from identification.fit.load_test import LoadTest
+from identification.fit.posterior import posterior
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.compliance import joint_torque
@@ -87,6 +89,43 @@ def test_a_block_is_the_mean_of_neighbours_of_one_pass_and_purpose(
     stated = means(np.where(np.isnan(rows.sigma), cell.noise.deflection, rows.sigma))
     worth = np.maximum([len(block) / min(thinning.autocorrelation_time, length) for block in blocks], 1)
     np.testing.assert_allclose(averaged.sigma, stated / np.sqrt(worth)[:, None], rtol=1e-12)
+
+
+def memory_of(series: NDArray[np.float64], window: int) -> float:
+    """1 + 2 sum of the autocorrelations up to the first that its own scatter hides, of what a running mean leaves."""
+    ends = window // 2
+    fast = np.array([series[k] - np.mean(series[k - ends: k - ends + window]) for k in range(ends, len(series) - ends)])
+    fast = fast - fast.mean()
+    total = 1.0
+    for lag in range(1, window // 2 + 1):
+        alike = np.sum(fast[lag:] * fast[:-lag]) / np.sum(fast**2)
+        if alike < 2 / np.sqrt(len(fast)):
+            break
+        total += 2 * alike
+    return float(total)
+
+
+def test_the_length_of_the_memory_is_the_longest_of_all_passes_and_axes(
+        passes: tuple[float, Cell, Measurements, Measurements, Thinning]) -> None:
+    """Of what is left of the six springs; an axis that was not read throughout a pass of a quarter of its rows tells none."""
+    memory, cell, rows, _, thinning = passes
+    data = LoadTest.of(cell, rows.select(rows.machined_pass != ""))
+    residual, found = posterior(data).residual_of(data), []
+    for name in ("A0", "A1", "A2"):
+        mine = residual[data.rows.machined_pass == name]
+        found += [memory_of(series, len(mine) // 4) for series in mine.T if not np.isnan(series).any()]
+    assert len(found) == (6 if memory else 7)
+    assert thinning.autocorrelation_time == pytest.approx(max(1.0, *found), rel=1e-9)
+
+
+@pytest.mark.parametrize(("count", "told"), [(31, False), (44, True)])
+def test_a_pass_of_a_few_rows_tells_no_memory(count: int, told: bool, tmp_path: Path) -> None:
+    """Under 32 rows, of which a quarter is less than eight; readings that creep by a little from row to row."""
+    case, design = machined(3, [], 0.0, count, 2)
+    cell, rows = pass_file(case, design, tmp_path, count)
+    creeping = 3e-6 * np.sin(np.arange(2 * count) / 1.5)[:, None] * np.ones(3)
+    data = LoadTest.of(cell, replace(rows, deflection=rows.deflection + creeping))
+    assert (residual_memory(data).values > 1.0) is told
 
 
 def test_a_pass_is_held_out_in_tenths(
