@@ -93,8 +93,8 @@ def test_a_block_is_the_mean_of_neighbours_of_one_pass_and_purpose(
 
 def memory_of(series: NDArray[np.float64], window: int) -> float:
     """1 + 2 sum of the autocorrelations up to the first that its own scatter hides, of what a running mean leaves."""
-    ends = window // 2
-    fast = np.array([series[k] - np.mean(series[k - ends: k - ends + window]) for k in range(ends, len(series) - ends)])
+    before, after = window // 2, (window + 1) // 2
+    fast = np.array([series[k] - np.mean(series[k - before: k + after]) for k in range(before, len(series) - after)])
     fast = fast - fast.mean()
     total = 1.0
     for lag in range(1, window // 2 + 1):
