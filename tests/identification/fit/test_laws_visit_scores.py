@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from identification.fit import mending
 from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import Posterior, posterior
+from identification.fit.slips import Slip
 from identification.fit.visits import VisitTest, score_visits
 from identification.model.compliance import equilibrium
 from identification.model.effects import effects
@@ -82,3 +84,25 @@ def test_a_named_cause_may_do_another_third_at_a_pose(springs: tuple[LoadTest, P
     told = -np.log10(chi2.sf(z, 3))
     assert test.scores[LAST].surprise == pytest.approx(told, rel=0.05, abs=0.05)
     assert -np.log10(chi2.sf(times**2 * per_newton @ np.linalg.solve(allowed, per_newton), 3)) > 2 * told
+
+
+@pytest.mark.parametrize(("links", "share"), [(True, 0.005), (False, 0.03)])
+def test_a_slip_leaves_of_a_response_what_the_forces_or_the_arm_s_own_weight_may_do(
+        springs: tuple[LoadTest, Posterior], links: bool, share: float) -> None:
+    """Half a per cent where the robot file has links, else three; a pose that is as it is in the table leaves the response off
+    by two per cent, or by none."""
+    data, fitted = springs
+    assert data.cell.robot.link_mass is None
+    if links:
+        robot = replace(data.cell.robot, link_mass=np.full(6, 1e-9), link_centre=np.zeros((6, 3)))
+        data = LoadTest.of(replace(data.cell, robot=robot), data.rows)
+        fitted = posterior(data.with_rows(data.rows.select(~data.rows.validate)))
+    mine = data.rows.select(data.rows.validate)
+    slip = Slip("a digit", "as it is", mine.theta[0])
+    for off in (0.0, 0.02):
+        visit = mending._Visit(fitted, replace(mine, deflection=(1 + off) * mine.deflection), 1.0)
+        _, (misfit,) = visit.judged([slip])
+        assert visit.directions == 3
+        assert misfit == pytest.approx((off / share) ** 2, rel=0.05, abs=0.1)
+        _, (scaled,) = mending._Visit(fitted, replace(mine, deflection=(1 + off) * mine.deflection), 4.0).judged([slip])
+        assert scaled == pytest.approx(misfit / 4)
