@@ -54,7 +54,9 @@ def in_blocks(cell: Cell, measurements: Measurements) -> tuple[Measurements, Thi
     key = measurements.visit * 2 + measurements.validate
     for number in np.unique(key[on_path]):
         rows = np.flatnonzero(on_path & (key == number))
-        block[rows] = rows[0] + run_numbers(np.column_stack([np.arange(len(rows)) // length, signs[rows]]))
+        run = run_numbers(np.column_stack([np.arange(len(rows)) // length, signs[rows]]))
+        # By its first row: between these may stand rows of the other purpose, with blocks of their own.
+        block[rows] = rows[np.searchsorted(run, run)]
         part = np.arange(len(rows)) * STRETCHES // len(rows)
         stretch[rows] = [f"{measurements.machined_pass[rows[0]]} part {k + 1}" for k in part]
     _, first, member = np.unique(block, return_index=True, return_inverse=True)
@@ -76,11 +78,6 @@ def in_blocks(cell: Cell, measurements: Measurements) -> tuple[Measurements, Thi
         sigma=mean(stated) / np.maximum(worth, 1.0), time=mean(measurements.time), dwell=mean(measurements.dwell),
         pose=np.where(stretch[first] == "", picked.pose, stretch[first]))
     return averaged, Thinning(count, len(np.unique(block[on_path])), memory.values)
-
-
-def _runs(labels: Array) -> NDArray[np.intp]:
-    """Number (n,) of the run of equal consecutive rows of labels (n, m)."""
-    return np.concatenate([[0], np.cumsum(np.any(labels[1:] != labels[:-1], axis=1))]).astype(np.intp)
 
 
 def residual_memory(data: LoadTest) -> AutocorrelationTime:

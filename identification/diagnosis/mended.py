@@ -12,16 +12,19 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MOMENTS, SIGMAS
+from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MASS, MOMENTS, SIGMAS
 from identification.common.files import sha256
 from identification.common.findings import counted, error, one_line
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.judge import NamedMistake
 from identification.measurements import Measurements
 from identification.model.cell import Cell
+from identification.model.gravity import fall_in_base
 from identification.model.robot import built_in_robots
 
 Array = NDArray[np.float64]
+# A weight pulls straight down but for this part of it.
+PLUMB = 1e-9
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ def mended_file(cell: Cell, measurements: Measurements, mistake: NamedMistake) -
         return MendedFile(".yaml", f"{about}\n{_cell_text(cell, mistake)}".encode(), source)
     table, dropped = _mended_rows(cell, measurements, mistake)
     left_out = f"\n# {counted(dropped, 'row', 'are')} left out" if dropped else ""
-    return MendedFile(".csv", f"{about}{left_out}\n{_table_text(table)}".encode(), source)
+    return MendedFile(".csv", f"{about}{left_out}\n{_table_text(table, fall_in_base(cell.world_from_base))}".encode(), source)
 
 
 def _mended_rows(cell: Cell, measurements: Measurements, mistake: NamedMistake) -> tuple[Measurements, int]:
@@ -70,10 +73,20 @@ def _mended_rows(cell: Cell, measurements: Measurements, mistake: NamedMistake) 
     return rows.select(~lost), int(lost.sum())
 
 
-def _table_text(rows: Measurements) -> str:
+def _loads(rows: Measurements, fall: Array) -> dict[str, Array]:
+    """Columns of the loads: what hung as the mass that it is, every other force as it is; fall (3,) [m/s^2]."""
+    force = rows.wrench[:, :3]
+    if rows.hung is None:
+        return dict(zip(FORCES, force.T, strict=True))
+    mass = force @ fall / (fall @ fall)
+    plumb = rows.hung & np.all(np.abs(force - mass[:, None] * fall) <= PLUMB * np.linalg.norm(force, axis=1)[:, None], axis=1)
+    columns = {MASS: np.where(plumb, mass, np.nan)}
+    return columns if plumb.all() else columns | dict(zip(FORCES, np.where(plumb[:, None], np.nan, force).T, strict=True))
+
+
+def _table_text(rows: Measurements, fall: Array) -> str:
     """measurements.csv (docs/formats.md): the columns that the file had."""
-    degrees = np.degrees(rows.theta)
-    columns: dict[str, Array] = dict(zip(JOINTS, degrees.T, strict=True)) | dict(zip(FORCES, rows.wrench[:, :3].T, strict=True))
+    columns: dict[str, Array] = dict(zip(JOINTS, np.degrees(rows.theta).T, strict=True)) | _loads(rows, fall)
     if np.any(rows.wrench[:, 3:]):
         columns |= dict(zip(MOMENTS, rows.wrench[:, 3:].T, strict=True))
     columns |= dict(zip(DEFLECTIONS, 1e6 * rows.deflection.T, strict=True))
@@ -89,7 +102,9 @@ def _table_text(rows: Measurements) -> str:
     text = io.StringIO()
     text.write(",".join([*columns, *texts]) + "\n")
     for k in range(len(rows)):
-        numbers = ["" if np.isnan(values[k]) else f"{values[k] + 0.0:.10g}" for values in columns.values()]
+        # Seconds since 1970 have ten digits before the point.
+        numbers = ["" if np.isnan(values[k]) else f"{values[k] + 0.0:.{15 if name == 'time_s' else 10}g}"
+                   for name, values in columns.items()]
         text.write(",".join([*numbers, *(_cell(str(values[k])) for values in texts.values())]) + "\n")
     return text.getvalue()
 

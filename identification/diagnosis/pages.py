@@ -265,7 +265,7 @@ def _in_order(rows: Measurements, before: Array, after: Array | None, allowed: A
 def _ordered(names: list[str]) -> list[int]:
     """Places of the names as people order them: P2 before P10."""
     def key(i: int) -> list[int | str]:
-        return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", names[i])]
+        return [int(part) if k % 2 else part for k, part in enumerate(re.split(r"(\d+)", names[i]))]
 
     return sorted(range(len(names)), key=key)
 

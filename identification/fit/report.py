@@ -21,6 +21,7 @@ from identification.common.chart import (
     Series,
 )
 from identification.common.command_line import call
+from identification.common.findings import counted
 from identification.common.report import Key, Page, ReportTable, Step, Verdict, count_words, render
 from identification.fit.fit import Fit
 from identification.fit.identifiability import LOOK_FOR_IT
@@ -118,7 +119,7 @@ def _keys(fit: Fit) -> list[Key]:
                         "RMS, with what was known before and now"))
     return [*keys, Key("least certain joint", JOINTS[worst], "", f"2 sigma: {_two_sigma(model.log_std[worst])}"),
             Key("reliable joints", f"{sum(grade == 'reliable' for grade in model.grades)} of 6", "",
-                f"{len(fit.bad_visits)} poses left out" if fit.bad_visits else "no pose left out")]
+                f"{counted(len(fit.bad_visits), 'pose')} left out" if fit.bad_visits else "no pose left out")]
 
 
 def _two_sigma(log_std: float) -> str:
@@ -177,10 +178,10 @@ def _residuals(measurements: Measurements, fit: Fit) -> Figure:
 def _by_pose(measurements: Measurements, fit: Fit) -> Figure:
     visits = np.unique(measurements.visit)
     _, first = np.unique(measurements.visit, return_index=True)
-    square = np.nan_to_num(fit.residual[:, :]) ** 2
-    place = np.searchsorted(visits, measurements.visit)
-    count = np.bincount(place)
-    sizes = [1e6 * np.sqrt(np.bincount(place, square[:, axis]) / count) for axis in range(3)]
+    place, read = np.searchsorted(visits, measurements.visit), ~np.isnan(fit.residual)
+    square, count = (np.array([np.bincount(place, each) for each in values.T]) for values in (
+        np.nan_to_num(fit.residual) ** 2, read.astype(float)))
+    sizes = 1e6 * np.sqrt(square / np.maximum(count, 1))
     shown = np.sort(np.argsort(-np.max(sizes, axis=0), kind="stable")[:MOST_POSES])
     bars = [Bars(AXES[axis], sizes[axis][shown], AXIS_COLOURS[axis]) for axis in range(3)]
     names = [f"{measurements.line[first[visit]]}" for visit in shown]

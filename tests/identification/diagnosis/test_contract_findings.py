@@ -22,7 +22,7 @@ from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause
 from identification.diagnosis.mended import MendedFile, mended_file
 from identification.diagnosis.next_steps import steps_of
-from identification.diagnosis.pages import diagnosis_report
+from identification.diagnosis.pages import _ordered, diagnosis_report
 from identification.diagnosis.record import next_words
 from identification.diagnosis.share import share_of
 from identification.diagnosis.swing import Swing
@@ -357,6 +357,12 @@ def test_what_is_seen_of_an_unknown_cause_without_pattern_is_the_nearest(adequat
         report = diagnosis_report(judged(adequate, verdict="unknown", detection=detection))
         assert ("its size would pass, but" in report) == bool(words)
         assert words in report
+
+
+def test_poses_stand_in_the_report_as_people_count_them() -> None:
+    """Whatever stands in a label: a superscript is no number, and had ended the report."""
+    assert [names[k] for names in (["P10", "P2", "P10²", "²", "a", "P1 x"],) for k in _ordered(names)] == [
+        "P1 x", "P2", "P10", "P10²", "a", "²"]
 
 
 def test_a_load_is_told_as_what_to_do_and_what_it_tells() -> None:

@@ -384,6 +384,36 @@ def named(monkeypatch: pytest.MonkeyPatch, *, difference_um: float = 0.0, far: f
     return Procedure(nothing, {}, 0.05, 10, 0).with_names(judgement, seen, best, frozenset())
 
 
+@pytest.mark.parametrize(("sets", "verdict"), [
+    ([((0, 1), 0.5), ((0,), 0.3), ((0, 2), 0.16), ((2,), 0.04)], "named"),
+    ([((0, 1), 0.5), ((0,), 0.3), ((0, 2), 0.14), ((2,), 0.06)], "ambiguous"),
+    ([((0, 1), 0.5), ((1,), 0.3), ((1, 2), 0.2)], "ambiguous"),
+    ([((0,), 0.94), ((0, 2), 0.06)], "ambiguous"), ([((0,), 0.96), ((0, 2), 0.04)], "named")])
+def test_beside_a_term_that_is_no_name_it_matters_not_which_it_was(
+        monkeypatch: pytest.MonkeyPatch, sets: list[tuple[tuple[int, ...], float]], verdict: str) -> None:
+    """Of two causes the second is slight: every set with the first counts for it, alone or with any other. Where none is, only
+    the very set does."""
+    play, small = (One(name, 0.5, SimpleNamespace(name=name)) for name in ("play", "small"))
+    terms = tuple(SimpleNamespace(label=each.label, effect=each.effect) for each in (play, small)[: len(sets[0][0])])
+    hypotheses = [SimpleNamespace(key=frozenset(of), probability=share, log_evidence=9.0) for of, share in sets]
+    seen: Any = SimpleNamespace(hypotheses=hypotheses, dictionary=SimpleNamespace(entries=[play, small, One("other", 0.1)]))
+    for name, answer in (
+            ("no_names", frozenset({"small"})), ("inclusion", (play, small)), ("kindred", ()), ("with_open_laws", ()),
+            ("with_free_laws", "free"), ("far_off", 1.0), ("of_nothing", set()), ("log_odds", 99.0), ("only_local", False),
+            ("told_by_one_visit", False), ("gain", SimpleNamespace(support=99.0, held_out="poses"))):
+        monkeypatch.setattr(procedure, name, lambda *of, answer=answer: answer)
+    monkeypatch.setattr(Procedure, "ambiguous", lambda *of: Told(verdict="ambiguous"))
+    judgement: Any = Told(SimpleNamespace(terms=terms), SimpleNamespace(components=VarianceComponents(), data=None),
+                          SimpleNamespace(p_value=0.001, resolution=0.001, seen_patterns=()))
+    nothing: Any = None
+    best: Any = hypotheses[0]
+    found = Procedure(nothing, {}, 0.05, 10, 0).with_names(judgement, seen, best, frozenset({"small"}))
+    assert found.verdict == verdict
+    if verdict == "named":
+        assert [cause.label for cause in found.causes] == ["play"]
+        assert (found.carried, found.log_odds, found.robot_difference) == ("free", 99.0, None)
+
+
 @pytest.mark.parametrize(("difference_um", "verdict"), [(1.9, "named"), (2.1, "ambiguous")])
 def test_laws_of_a_gear_stay_open_under_one_name_that_differ_by_less_than_the_noise(
         monkeypatch: pytest.MonkeyPatch, difference_um: float, verdict: str) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from identification.common.findings import error
 from identification.diagnosis import gross
+from identification.fit.visits import VisitScore, VisitTest
 
 ROWS = 105
 
@@ -120,3 +124,42 @@ def test_a_visit_is_as_crowded_as_the_third_of_its_bad_readings() -> None:
     assert not crowded(distance)
     distance[16] = 43.0**2
     assert set(crowded(distance)) == {2}
+
+
+@pytest.mark.parametrize(("visits", "crowds", "converges", "bad"), [
+    (9, {1: 1e-5, 4: 1e-7}, True, ["P4", "P1"]), (6, {1: 1e-5, 4: 1e-7}, True, ["P4", "P1"]), (9, {}, True, None),
+    (9, {2: 1e-5}, True, None), (5, {1: 1e-5, 4: 1e-7}, True, None), (9, {1: 1e-5}, False, None)])
+def test_visits_that_are_crowded_are_bad_ones(
+        monkeypatch: pytest.MonkeyPatch, visits: int, crowds: dict[int, float], converges: bool, bad: list[str] | None) -> None:
+    """Up to a third of those that were looked at, the rarest first, all of whose rows were; without them the others are fitted
+    anew, if they can be."""
+    row = np.arange(1, 3 * visits + 1)
+    visit = np.repeat(np.arange(visits), 3)
+
+    @dataclass(frozen=True)
+    class Rows:
+        row: NDArray[np.intp]
+
+        def select(self, kept: NDArray[np.bool_]) -> Rows:
+            return Rows(self.row[kept])
+
+    def posterior(rows: Rows, terms: Any, near: Any) -> Any:
+        if not converges:
+            raise error("CS1011", "no")
+        return rows.row.tolist()
+
+    monkeypatch.setattr(gross, "_distances", lambda fitted: ())
+    monkeypatch.setattr(gross, "crowded", lambda visit: crowds)
+    monkeypatch.setattr(gross, "posterior", posterior)
+    # Of the third visit a row was not looked at: it is another one's.
+    scores = tuple(VisitScore(f"P{k}", row[visit == k][: 2 if k == 2 else 3], 0, 0, 1.0, 0.5, 0.1, np.zeros(3), np.ones(3))
+                   for k in range(visits))
+    fitted: Any = SimpleNamespace(data=SimpleNamespace(rows=Rows(row), with_rows=lambda rows: rows), terms=(),
+                                  at_map=SimpleNamespace(noise=SimpleNamespace(visit=visit)))
+    test = VisitTest(scores, 0.5, 0.001)
+    found = gross.with_crowded(test, fitted)
+    if bad is None:
+        assert found is test
+        return
+    assert [(one.name, one.p_value) for one in found.bad] == [(name, crowds[int(name[1:])]) for name in bad]
+    assert found.rest == row[~np.isin(visit, list(crowds))].tolist()

@@ -121,3 +121,44 @@ def test_the_name_of_a_table_breaks_no_comment(tmp_path: Path) -> None:
     named = cast(NamedMistake, SimpleNamespace(candidate=candidate, sentence="made up"))
     (tmp_path / "mended.csv").write_bytes(mended_file(cell, rows, named).content)
     np.testing.assert_allclose(read_measurements(tmp_path / "mended.csv", cell.robot).theta, rows.theta, atol=1e-9)
+
+
+@pytest.mark.parametrize("pulled", [False, True])
+def test_a_table_of_masses_stays_one(tmp_path: Path, pulled: bool) -> None:
+    """A weight is as heavy at every pose, which a force is not: what hung hangs again, and a rope pulls again; in grams for
+    kilograms before. A row whose force the mistake turned is no weight."""
+    cell = read_cell(SAMPLES / "cell.yaml")
+    head, *lines = [line for line in (SAMPLES / "measurements.csv").read_text().splitlines() if not line.startswith("#")]
+    names = head.split(",")
+    table = [dict(zip(names, line.split(","), strict=True)) for line in lines]
+    for number, row in enumerate(table):
+        row["mass_kg"] = f"{number % 4 * 7.5}"
+        for name, force in zip(("fx_n", "fy_n", "fz_n"), ("100", "0", "-3.5"), strict=True):
+            row[name] = force if pulled and number % 5 == 1 else ""
+        row["mass_kg"] = "" if row["fx_n"] else row["mass_kg"]
+    written = [name for name in table[0] if pulled or name not in ("fx_n", "fy_n", "fz_n")]
+    text = "\n".join([",".join(written), *(",".join(row[name] for name in written) for row in table)])
+    (tmp_path / "masses.csv").write_text(text + "\n")
+    rows = read_measurements(tmp_path / "masses.csv", cell)
+    assert rows.hung is not None
+    meant = replace(rows, wrench=1e-3 * rows.wrench)
+    meant.wrench[6, 1] += 0.5 * pulled
+    mistake = SimpleNamespace(of="table", mended=lambda data, where: SimpleNamespace(rows=meant))
+    candidate = SimpleNamespace(mistake=mistake, rows=None, data=LoadTest.of(cell, rows), models=(None,))
+    content = mended_file(cell, rows, cast(NamedMistake, SimpleNamespace(candidate=candidate, sentence="made up"))).content
+    (tmp_path / "mended.csv").write_bytes(content)
+    header = content.decode().splitlines()[1].split(",")
+    assert ("mass_kg" in header, "fx_n" in header) == (True, pulled)
+    again = read_measurements(tmp_path / "mended.csv", cell)
+    np.testing.assert_allclose(again.wrench, meant.wrench, rtol=1e-9, atol=1e-12)
+    assert again.hung is not None
+    np.testing.assert_array_equal(again.hung, rows.hung & ~(pulled & (rows.row == 7)))
+
+
+def test_times_by_the_clock_of_a_computer_keep_their_milliseconds(tmp_path: Path) -> None:
+    """Seconds since 1970, ten digits before the point."""
+    time = 1.7e9 + 0.02 * np.arange(len(_sample()))
+    meant, _, written = mended_and_read(tmp_path, {"time": time}, np.zeros((len(time), 3), dtype=bool))
+    lines = [line.split(",") for line in written.decode().splitlines()[1:]]
+    place = lines[0].index("time_s")
+    np.testing.assert_allclose([float(cells[place]) for cells in lines[1:]], meant.time, rtol=0, atol=1e-6)

@@ -10,10 +10,10 @@ import pytest
 
 from identification.diagnosis import explained as of_misfit
 from identification.diagnosis import search
-from identification.diagnosis.blocks import _runs
 from identification.diagnosis.dictionary import Dictionary
 from identification.diagnosis.projection import Base
 from identification.diagnosis.search import Hypothesis, Survey, _exchanged
+from identification.measurements import run_numbers
 
 
 def test_the_best_set_is_no_exchange_of_itself() -> None:
@@ -53,7 +53,7 @@ def test_what_is_unsure_by_one_sigma_adds_its_own_square_to_the_readings() -> No
 
 def test_runs_end_where_any_label_changes() -> None:
     labels = np.array([["A", "x"], ["A", "x"], ["A", "y"], ["B", "y"], ["B", "y"], ["A", "x"]])
-    assert _runs(labels).tolist() == [0, 0, 1, 2, 2, 3]
+    assert run_numbers(labels).tolist() == [0, 0, 1, 2, 2, 3]
 
 
 def test_where_the_gear_rests_anywhere_it_may_turn_round_with_the_load() -> None:

@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from identification.common.chart import Bars
 from identification.common.findings import CompstiffError, Finding
 from identification.fit.fit import Fit, _against_prior, _light_rows, _other_noise, fit_stiffness
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, Mend
+from identification.fit.mistakes.judge import common_factor_findings
 from identification.fit.noise import noise_model
-from identification.fit.report import identification_report
+from identification.fit.report import _by_pose, identification_report
 from identification.fit.visits import VisitScore
 from tests.identification.fit.test_laws_posterior import NOISY, simulate
 from tests.virtual_cell.arm import IRB6660
@@ -218,3 +220,42 @@ def test_the_report_lists_what_counts_less_and_what_was_left_out(fit: Fit) -> No
         assert words in table
     many = identification_report(replace(fit, row_weight=np.linspace(0.1, 0.9, count)))
     assert many.split("Rows that count less")[-1].split("</table>")[0].count("<tr>") == 21
+
+
+def test_a_pose_s_bars_are_of_the_readings_that_it_has(fit: Fit) -> None:
+    """Of two poses one has a component in two of its rows only, the other in none."""
+    residual = fit.residual.copy()
+    rows = [np.flatnonzero(fit.measurements.visit == number) for number in (0, 1)]
+    residual[rows[0]], residual[rows[0][2:], 1], residual[rows[1], 2] = 6e-6, np.nan, np.nan
+    figure = _by_pose(fit.measurements, replace(fit, residual=residual))
+    bars = {each.name: each.values for each in figure.panels[0].series if isinstance(each, Bars)}
+    assert [bars[axis][0] for axis in "xyz"] == pytest.approx([6.0] * 3)
+    assert bars["z"][1] == 0.0
+    assert bars["x"][1] == pytest.approx(1e6 * np.sqrt(np.mean(residual[rows[1], 0] ** 2)))
+
+
+@pytest.mark.parametrize(("count", "words"), [(0, "no pose left out"), (1, "1 pose left out"), (2, "2 poses left out")])
+def test_poses_left_out_are_counted_in_the_report(fit: Fit, count: int, words: str) -> None:
+    score = VisitScore("P7", np.array([4, 5]), 44, 0, 5.0, 0.002, 0.75, np.zeros(3), np.ones(3))
+    page = identification_report(replace(fit, bad_visits=(BadVisit(score, (), ""),) * count))
+    assert words in page.replace("\xa0", " ")
+
+
+@pytest.mark.parametrize(("times", "said"), [
+    (2.9, ""), (3.1, "3.1 times stiffer"), (1 / 2.9, ""),
+    (1 / 3.1, "3.1 times softer than the prior's medians, as they would with forces in lbf, not in N"),
+    (1 / 4.44822, "4.45 times softer than the prior's medians, as they would with forces in lbf, not in N"),
+    (20.0, "20 times stiffer than the prior's medians, as they would with deflections in mil, not in um"),
+    (180.0, "180 times stiffer")])
+def test_a_factor_common_to_all_joints_is_said_with_the_unit_it_looks_like(fit: Fit, times: float, said: str) -> None:
+    """Newtons written as pounds of force are fewer, and make the springs look softer; micrometres as mil make them stiffer."""
+    prior = fit.posterior.prior
+    off = SimpleNamespace(data=fit.posterior.data, prior=prior, mean=-np.log(times * prior.prior.stiffness),
+                          covariance=0.01 * np.eye(6))
+    found = common_factor_findings(off)
+    assert [(one.code, one.level, one.file) for one in found] == [("CS1702", "warning", fit.measurements.source)][: bool(said)]
+    if said:
+        end = "" if "prior" in said else " than the prior's medians"
+        assert found[0].message == f"all joints come out {said}{end}"
+        assert found[0].hint is not None
+        assert "state prior.stiffness_nm_per_rad in cell.yaml" in found[0].hint

@@ -14,11 +14,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
+from identification.common.findings import error
 from identification.fit import bad_visits as of_visits
 from identification.fit import mending, validation, wrong_angle
 from identification.fit.bad_visits import bad_visits
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, Mend
+from identification.fit.noise_parts import SETUP
 from identification.fit.posterior import posterior
 from identification.fit.row_slips import row_mend
 from identification.fit.slips import FROM_ANOTHER, Slip
@@ -289,3 +291,103 @@ def test_an_angle_off_by_any_amount_is_off_by_eight_degrees_beforehand() -> None
     for says, left in ((10.025, 1.0), (10.05, 0.0)):
         (_, _, misfit), *_ = angles(says, 0.025)
         assert misfit == pytest.approx(left, abs=1e-6)
+
+
+class Model:
+    """A fit of some rows, with the usual parts of the noise or with all."""
+
+    def __init__(self, table: Table, usual: bool = False, set_up: bool = False) -> None:
+        self.data: Any = SimpleNamespace(rows=table, with_rows=lambda rows: SimpleNamespace(rows=rows))
+        self.terms, self.usual = (), usual
+        self.at_map = SimpleNamespace(noise=SimpleNamespace(active=tuple(part == SETUP and set_up for part in range(6))))
+        self.with_usual_noise = self
+
+
+def in_turn(monkeypatch: pytest.MonkeyPatch, scores: list[list[float]], *, visits: int = 9, fails: bool = False,
+            set_up: bool = False) -> tuple[VisitTest, list[tuple[list[int], bool]], Table]:
+    """The test of visits whose chances (of the first of them, all others are usual) are these, fit by fit; and the visits of
+    each fit that was made, with the usual noise or not."""
+    table = Table(np.arange(1, 8 * visits + 1), np.repeat(np.arange(visits), 8))
+    left, fits = iter(scores), []
+
+    def score_visits(fitted: Any, data: Any, rng: Any, replicates: int) -> VisitTest:
+        chances = next(left)
+        every = [scored(k, table.row[table.visit == k].tolist(), [*chances, *[0.5] * visits][k]) for k in range(visits)]
+        return VisitTest(tuple(every), min(chances), 0.001)
+
+    def posterior(data: Any, terms: Any, near: Any, usual_noise: bool = False) -> Model:
+        if fails:
+            raise error("CS1011", "no")
+        fits.append((np.unique(data.rows.visit).tolist(), usual_noise))
+        return Model(data.rows, usual_noise)
+
+    monkeypatch.setattr(of_visits, "score_visits", score_visits)
+    monkeypatch.setattr(of_visits, "posterior", posterior)
+    monkeypatch.setattr(of_visits, "_with_wrong_angles", lambda test, fitted, seed: test)
+    fitted: Any = Model(table, set_up=set_up)
+    return bad_visits(fitted), fits, table
+
+
+def but(*visits: int) -> list[int]:
+    return [number for number in range(9) if number not in visits]
+
+
+def test_a_visit_that_the_last_fit_explains_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Taken out in turn, the worst first, and judged together at the end; the fit that is handed on has the others back."""
+    found, fits, _ = in_turn(monkeypatch, [[0.004, 0.001, 0.04], [0.003, 0.002, 0.04], [0.02, 0.001, 0.006]])
+    assert [one.name for one in found.bad] == ["P1"]
+    assert fits == [(but(1), False), (but(0, 1), False), (but(1), False)]
+    assert found.rest is not None
+    assert np.unique(found.rest.data.rows.visit).tolist() == but(1)
+
+
+def test_visits_without_which_there_is_no_fit_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, fits, _ = in_turn(monkeypatch, [[0.001]], fails=True)
+    assert (found.bad, found.rest, found.too_many, fits) == ((), None, False, [])
+
+
+@pytest.mark.parametrize(("second", "bad", "usual"), [([0.001, 0.002], ["P0", "P1"], True), ([0.001, 0.02], ["P0"], False)])
+def test_set_ups_that_differ_hide_no_visits(
+        monkeypatch: pytest.MonkeyPatch, second: list[float], bad: list[str], usual: bool) -> None:
+    """Where they came in, visits are taken out as if there were none, and judged by a fit that may have them: what comes to
+    more bad ones counts."""
+    as_it_is = [[0.001, 0.05], [0.001, 0.05]]
+    without = [[0.001, 0.002], [0.001, 0.002], [0.001, 0.002], second]
+    found, fits, _ = in_turn(monkeypatch, as_it_is + without, set_up=True)
+    assert sorted(one.name for one in found.bad) == bad
+    assert fits[:4] == [(but(0), False), (but(0), True), (but(0, 1), True), (but(0, 1), False)]
+    assert fits[4:] == ([] if usual else [(but(0), False)])
+
+
+@pytest.mark.parametrize(("bad", "wrong", "told"), [
+    ((), (), None), ((0,), (), {"P0": None}), ((0,), (3,), {"P0": None, "P3": "of 3"}),
+    ((), (3, 4), {"P3": "of 3", "P4": "of 4"})])
+def test_visits_with_a_wrong_angle_are_bad_ones_too(
+        monkeypatch: pytest.MonkeyPatch, bad: tuple[int, ...], wrong: tuple[int, ...], told: dict[str, Any] | None) -> None:
+    """Looked for in the fit of the others, as many as a third of all has left; the worst of all first."""
+    table = Table(np.arange(1, 73), np.repeat(np.arange(9), 8))
+    every = tuple(scored(k, table.row[table.visit == k].tolist(), 0.5 / (k + 1)) for k in range(9))
+    fitted: Any = Model(table)
+    rest: Any = Model(table.select(~np.isin(table.visit, bad))) if bad else None
+    asked: list[Any] = []
+
+    def wrong_angles(model: Any, visits: Any, most: int) -> tuple[list[Any], Any]:
+        asked.append((model, visits, most))
+        return [SimpleNamespace(visit=k, of=f"of {k}") for k in wrong], Model(model.data.rows) if wrong else model
+
+    monkeypatch.setattr(of_visits, "wrong_angles", wrong_angles)
+    monkeypatch.setattr(of_visits, "_under_load", lambda data: np.unique(data.rows.visit).tolist())
+    monkeypatch.setattr(of_visits, "_angle_of", lambda score, fitted, rest: None)
+    monkeypatch.setattr(of_visits, "score_visits", lambda rest, data, rng, count: VisitTest(every, 0.4, 1 / (count + 1)))
+    test = VisitTest(every, 0.5, 0.01, tuple(every[k] for k in bad), rest=rest)
+    found = of_visits._with_wrong_angles(test, fitted, 0)
+    ((model, visits, most),) = asked
+    assert model is (rest or fitted)
+    assert (visits, most) == ([k for k in range(9) if k not in bad], 3 - len(bad))
+    if told is None:
+        assert found is test
+        return
+    assert {one.name: getattr(one.wrong_angle, "of", None) for one in found.bad} == told
+    assert [one.surprise for one in found.bad] == sorted((one.surprise for one in found.bad), reverse=True)
+    assert found.resolution == (1 / 400 if wrong else 0.01)
+    assert found.rest is not None

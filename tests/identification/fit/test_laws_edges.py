@@ -13,9 +13,9 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from scipy import stats
 
-from identification.fit import optional_parts
+from identification.fit import misfit, optional_parts
 from identification.fit.discrepancy import discrepancies
-from identification.fit.fitted_model import Term
+from identification.fit.fitted_model import Term, with_terms
 from identification.fit.identifiability import JointGrade, grade_joints
 from identification.fit.load_test import LoadTest
 from identification.fit.misfit import ModelCheck, beyond_stated, model_check
@@ -25,6 +25,7 @@ from identification.fit.mistakes.look import Guess
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.slipped import slipped_mistakes
+from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
 from identification.fit.noise_parts import FORCE, MEMORY, OFFSET, PARTS, SETUP, VarianceComponents
 from identification.fit.posterior import posterior
 from identification.fit.profile import profiles
@@ -36,6 +37,7 @@ from identification.fit.visits import tails
 from identification.model.effects import effects
 from tests.identification.fit.exact_rows import beside, by_compliance
 from tests.identification.fit.test_laws_posterior import TRUE, simulate
+from tests.support import random_poses
 
 Array = NDArray[np.float64]
 PER_VISIT = 4
@@ -367,6 +369,33 @@ def test_a_law_may_be_off_by_thirty_per_cent_of_its_size_and_a_structure_stiffen
         assert np.any(np.isclose(width, share * 2))
         seen |= {round(float(one), 9) for one in width}
     assert seen <= {0.6, 0.3, 2.0}
+
+
+def test_what_three_axes_have_in_common_is_as_open_as_they_are_unlike(data: LoadTest) -> None:
+    """No deflection shows it: of one axis of three that is off by g the mean is g / 3, and what is told of x and y 0.45 to 0.75
+    g; 0.6 of that, 1 sigma."""
+    effect, state = effects()["force_axis_gain"], data.load_state(1 / TRUE)
+    for start in ([0.02, -0.01], [-0.01, -0.01]):
+        term = Term(effect, None, np.array(start), np.full(2, 0.015), np.zeros(2))
+        free = [one for one in discrepancies(state, (term,)) if one.effect.name == "force_gain"]
+        assert [one.joint for one in free] == [None]
+        width = with_terms(data.prior, free).term_std
+        assert width == pytest.approx([0.6 * np.hypot(*start)])
+        assert 0.8 < width[0] / 0.01 < 1.4          # of x, or of z, off by 0.03
+
+
+@pytest.mark.parametrize(("rows", "told"), [(16, False), (17, True)])
+def test_nine_columns_are_looked_at_where_four_readings_each_are_left(data: LoadTest, rows: int, told: bool) -> None:
+    """Beside six springs and the nine themselves, one a row and axis: a tool that yields to each force in each direction."""
+    rng = np.random.default_rng(5)
+    few = data.rows.select(np.arange(len(data.rows)) < rows)
+    wrench = np.concatenate([rng.normal(0, 200, (rows, 3)), np.zeros((rows, 3))], axis=1)
+    few = replace(few, theta=random_poses(data.cell.robot, rows, rng, share=0.6), wrench=wrench, visit=np.arange(rows))
+    columns = np.stack([wrench[:, j, None] * np.eye(3)[i] for i in range(3) for j in range(3)], axis=2)
+    springs = by_compliance(few.theta, data.cell.flange_from_tcp.position, wrench[:, :3]) @ (1 / TRUE)
+    fitted = posterior(data.with_rows(replace(few, deflection=springs + 2e-6 * rng.standard_normal((rows, 3)))))
+    assert fitted.readings == 3 * rows
+    assert (misfit._p_value(NoiseDegrees(fitted, *beside_the_springs(fitted)), columns) < 1.0) is told
 
 
 def test_a_profile_s_interval_is_that_of_the_likelihood(data: LoadTest) -> None:

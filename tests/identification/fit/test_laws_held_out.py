@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
 from identification.common.arrays import rms
+from identification.common.findings import error
+from identification.fit import held_out
 from identification.fit.fitted_model import Term, response
 from identification.fit.held_out import left_out, left_out_with_density, log_density, pose_names, poses
 from identification.fit.load_test import LoadTest
@@ -100,6 +104,54 @@ def density(model: Posterior, data: LoadTest, left: np.ndarray, mine: np.ndarray
     whitened = np.einsum("nij,nj->ni", noise.whitening, left).ravel()[each]
     told = multivariate_normal(np.zeros(each.sum()), 0.5 * (covariance + covariance.T)).logpdf(whitened)
     return float(told + 0.5 * each.sum() * np.log(2 * np.pi))
+
+
+class Rows:
+    """Readings of two poses, two of each, and the model's value and slope there; along the slope one micrometre is left."""
+
+    def __init__(self, rows: np.ndarray, law_um: float) -> None:
+        self.number, self.law = rows, law_um
+
+    rows = property(lambda self: self)
+    cell = SimpleNamespace(noise=SimpleNamespace(deflection=np.full(3, 1e-6)))
+
+    @property
+    def deflection(self) -> np.ndarray:
+        return np.full((len(self.number), 3), 5e-6)
+
+    def select(self, mask: np.ndarray) -> Rows:
+        return Rows(self.number[mask], self.law)
+
+    def with_rows(self, rows: Rows) -> Rows:
+        return rows
+
+
+@pytest.mark.parametrize(("law_um", "sensor", "again"), [
+    (1.29, 0.1, False), (1.31, 0.1, True), (0.78, 0.1, False), (0.76, 0.1, True), (1.58, 2.0, False), (1.62, 2.0, True)])
+@pytest.mark.parametrize("converges", [True, False])
+def test_a_pose_is_fitted_without_where_the_slope_misses_the_law_by_a_third(
+        monkeypatch: pytest.MonkeyPatch, law_um: float, sensor: float, again: bool, converges: bool) -> None:
+    """0.3 of the lesser of what each leaves, or of the sensor's noise where that is more: along the slope 1 um is left, by the
+    law after the step so much. Where no fit without the pose converges the law's own value counts."""
+    fitted: list[list[int]] = []
+
+    def posterior(data: Rows, terms: Any, near: Any) -> Any:
+        fitted.append(data.number.tolist())
+        if not converges:
+            raise error("CS1011", "no")
+        return SimpleNamespace(residual_of=lambda rows: np.full((len(rows.number), 3), 7e-6))
+
+    monkeypatch.setattr(held_out, "response", lambda data, x, terms: (np.full((4, 3), 4e-6), np.zeros((4, 3, 1))))
+    monkeypatch.setattr(held_out, "predicted_deflection", lambda data, x, terms: data.deflection - 1e-6 * data.law)
+    monkeypatch.setattr(held_out, "posterior", posterior)
+    prior = SimpleNamespace(precision=lambda x: np.eye(1), gradient=lambda x: np.zeros(1), inside=lambda x: x)
+    model: Any = SimpleNamespace(
+        at_map=SimpleNamespace(design=np.zeros((4, 3, 1)), residual=np.zeros((4, 3))), prior=prior, map=np.zeros(1),
+        data=Rows(np.arange(4), law_um), terms=("a law",), components=SimpleNamespace(sensor=sensor),
+        weights=SimpleNamespace(apply=lambda columns: columns))
+    held = left_out(model, np.array([0, 0, 1, 1]))
+    assert fitted == ([[2, 3], [0, 1]] if again else [])
+    np.testing.assert_allclose(held, np.full((4, 3), (7e-6 if converges else 1e-6 * law_um) if again else 1e-6))
 
 
 def predicted(data: LoadTest, model: Posterior) -> np.ndarray:
