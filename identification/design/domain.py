@@ -159,7 +159,7 @@ def _nothing_fits(domain: Domain, name: str, theta: Array, drawn: int, loads: Lo
     any_signal, any_range = replace(domain.margins, signal=NO_SIGNAL), replace(domain.margins, range=np.inf)
     standing = fitting(replace(any_signal, range=np.inf)) if len(theta) else 0
     found = f"no run with a load along {name} is admissible: "
-    hint = ("move the place with --position, widen --phi, or check tool and design (joint_window_deg, reach_mm) in cell.yaml")
+    hint = "move the place with --position, widen --phi, or check tool and design (joint_window_deg, reach_mm) in cell.yaml"
     if not len(theta):
         found += f"at none of {drawn} random tool orientations is the wanted place in reach and inside the joint limits"
     elif not standing:
@@ -167,8 +167,9 @@ def _nothing_fits(domain: Domain, name: str, theta: Array, drawn: int, loads: Lo
                   "windows (of the orientation, reach_mm, the parallel rod's) and away from singularities")
     else:
         weak, far = standing - fitting(any_range), standing - fitting(any_signal)
-        found += (f"at {standing} random poses at the wanted place it deflects the robot by less than {domain.margins.signal:g} "
-                  f"sigmas of the sensors ({weak}) or by more than {1e3 * domain.margins.range:g} mm ({far})")
+        found += (f"at {standing} random poses at the wanted place it deflects the robot by less than "
+                  f"{domain.margins.signal:g} sigmas of the sensors ({weak}) or by more than {1e3 * domain.margins.range:g} mm "
+                  f"({far})")
         hint = f"plan with a {'larger' if weak >= far else 'smaller'} load: --max-force, or --dead-weight"
     return error("CS1601", found, file=str(domain.rig.cell.source), hint=hint)
 

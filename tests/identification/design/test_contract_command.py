@@ -206,8 +206,8 @@ def test_wrong_calls_and_refusals(written, tmp_path):
 
 
 @pytest.mark.parametrize(("design_block", "words", "said", "hint"), [
-    ("", ("--position", 9000, 0, 0), "at none of 16000 random tool orientations is the wanted place in reach and inside the joint "
-     "limits", "move the place with --position"),
+    ("", ("--position", 9000, 0, 0), "at none of 16000 random tool orientations is the wanted place in reach and inside the "
+     "joint limits", "move the place with --position"),
     ("design: {joint_window_deg: {q5: [-9.9, 9.9]}}\n", (), "random poses at the wanted place, in reach and inside the joint "
      "limits, none is inside the windows (of the orientation, reach_mm, the parallel rod's) and away from singularities",
      "widen --phi, or check tool and design"),

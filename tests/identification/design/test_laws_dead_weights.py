@@ -178,7 +178,7 @@ def test_a_load_that_leaves_nine_tenths_of_the_spread_is_no_advice(cell, left: f
 
 @pytest.mark.parametrize(("before", "level"), [(0.2, "note"), (0.201, "warning")])
 @pytest.mark.parametrize("pushed", [False, True])
-def test_a_joint_that_the_loads_cannot_show_is_warned_of_where_it_is_not_known_well(cell, domain, before, level, pushed) -> None:
+def test_a_joint_that_the_loads_cannot_show_is_warned_of_where_it_is_not_known(cell, domain, before, level, pushed) -> None:
     """From a fifth on (sigma of ln k), beside one that is known better."""
     loads = (Sideways(1, 0, np.array([50.0, 0, 0]), 0.01, 0.02), Sideways(6, 0, np.array([50.0, 0, 0]), before, 0.02))
     finding = unseen_finding(domain if pushed else hung(cell), loads, ("pose 1", "pose 2"))

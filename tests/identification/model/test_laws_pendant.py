@@ -129,7 +129,8 @@ def test_a_turn_of_the_tool_is_told_beyond_its_tolerance_at_its_pose(
         read_cell(tool_about_z(tmp_path, degrees, extra))
     (finding,) = refused.value.findings
     assert finding.message == (f"pendant_poses[{worst}]: at these angles the tool of {ROBOT} is turned "
-                               f"{abs(degrees[worst]):.1f} deg away from what the pendant shows, tolerance {3 if extra else 0.5:g} deg")
+                               f"{abs(degrees[worst]):.1f} deg away from what the pendant shows, tolerance "
+                               f"{3 if extra else 0.5:g} deg")
 
 
 @pytest.mark.parametrize(("apart", "one_fits"), [(0.74, True), (0.76, False)])
