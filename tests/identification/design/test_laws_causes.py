@@ -112,7 +112,7 @@ def test_more_causes_are_told_apart_and_the_price_is_said(found, task, cell):
 
 @pytest.fixture(scope="module")
 def one_run(cell, prior):
-    """What a single run is to be, visited twice, and the rows of another one that is measured, of which the last is kept back."""
+    """What a single run is to be, visited twice, and the rows of another one that is measured, the last of them kept back."""
     task = Task(Domain(instrument(cell), (slot("z", "single", 300.0),), np.array([[1.36, 0.0, 0.81]])), d_criterion(), prior,
                 free_demand(1, 1), 2)
     measured = causes._rows(task, random_pool(task.domain, 1, np.random.default_rng(8)), None)
@@ -134,7 +134,7 @@ def test_one_run_is_the_best_of_the_pool_and_its_figures_are_those_of_all_of_the
     pool = design.pool
     assert (len(design.runs), len(pool), worth.pool) == (1, 8, 8)
     rows = causes._rows(replace(task, replicates=1), pool, measured.select(~measured.validate) if before else None)
-    told = visit_information(cell, rows, -np.log(cell.prior.stiffness))
+    told = visit_information(cell, rows, np.log(task.domain.rig.compliance))
     earlier, each = told.prior + told.of[:-8].sum(axis=0), 2 * told.of[-8:]
 
     def bits(information):
