@@ -13,13 +13,13 @@ As smooth inequalities they stand in constraints.py. Collisions are not among th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.findings import error
+from identification.common.findings import CompstiffError, error
 from identification.design.constraints import Margins, inequalities
 from identification.design.information import Instrument, run_information
 from identification.design.loads import Loads, LoadTable, Slot
@@ -32,6 +32,8 @@ Indices = NDArray[np.intp]
 # A plan is feasible where nothing exceeds its limit by more than this (in units of g; positions in metres).
 TOLERANCE = 1e-6
 MOST_DRAWS = 40
+# As `Margins.signal`: any deflection is seen.
+NO_SIGNAL = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,15 +144,34 @@ def random_pool(domain: Domain, poses: int, rng: np.random.Generator) -> Pool:
         good = np.zeros(0, dtype=bool)
         if len(theta):
             good = inequalities(domain.rig, domain.margins, domain.box, theta, arm, loads).max(axis=1) <= 0
+        if not good.any():
+            raise _nothing_fits(domain, domain.slots[number].name, theta, drawn, loads)
         pools.append(domain.runs(theta[good], np.full(int(good.sum()), number, dtype=np.intp), place[good], line[good]))
-    if not all(map(len, pools)):
-        empty = next(domain.slots[i].name for i, pool in enumerate(pools) if not len(pool))
-        raise error("CS1601", f"of {drawn} random tool orientations at the wanted place none is admissible with a load along "
-                    f"{empty}: {len(theta)} in reach and inside the joint limits, none also inside the orientation window, "
-                    "away from singularities and within the sensors' range", file=str(domain.rig.cell.source),
-                    hint="move the place with --position, widen --phi, or check tool and design (joint_window_deg, reach_mm) "
-                         "in cell.yaml")
     return Pool.of(pools)
+
+
+def _nothing_fits(domain: Domain, name: str, theta: Array, drawn: int, loads: Loads) -> CompstiffError:
+    """CS1601 with what was in the way of a slot of this name: theta (n, 6) [rad] in place, of how many orientations drawn."""
+    def fitting(margins: Margins) -> int:
+        worst = inequalities(domain.rig, margins, domain.box, theta, domain.look(theta), loads).max(axis=1, initial=-np.inf)
+        return int(np.sum(worst <= 0))
+
+    any_signal, any_range = replace(domain.margins, signal=NO_SIGNAL), replace(domain.margins, range=np.inf)
+    standing = fitting(replace(any_signal, range=np.inf)) if len(theta) else 0
+    found = f"no run with a load along {name} is admissible: "
+    hint = "move the place with --position, widen --phi, or check tool and design (joint_window_deg, reach_mm) in cell.yaml"
+    if not len(theta):
+        found += f"at none of {drawn} random tool orientations is the wanted place in reach and inside the joint limits"
+    elif not standing:
+        found += (f"of {len(theta)} random poses at the wanted place, in reach and inside the joint limits, none is inside the "
+                  "windows (of the orientation, reach_mm, the parallel rod's) and away from singularities")
+    else:
+        weak, far = standing - fitting(any_range), standing - fitting(any_signal)
+        found += (f"at {standing} random poses at the wanted place it deflects the robot by less than "
+                  f"{domain.margins.signal:g} sigmas of the sensors ({weak}) or by more than {1e3 * domain.margins.range:g} mm "
+                  f"({far})")
+        hint = f"plan with a {'larger' if weak >= far else 'smaller'} load: --max-force, or --dead-weight"
+    return error("CS1601", found, file=str(domain.rig.cell.source), hint=hint)
 
 
 def _poses_in_place(domain: Domain, poses: int, rng: np.random.Generator) -> tuple[Array, Indices, int]:

@@ -77,14 +77,16 @@ def _check_turn(poses: Sequence[PendantPoseFile], robot: RobotModel, flange_from
     if (turn <= tolerance).all():
         return float(turn.max())
     needed, swapped = flange.swapaxes(1, 2) @ shown, flange.swapaxes(1, 2) @ other_order(shown)
+    left, _, right = np.linalg.svd(needed.mean(axis=0))
+    mean = left @ right
     hint = "is this the quaternion q1 q2 q3 q4 (q1 = w first) of this pose, in base coordinates, with this tool active?"
     if (_angle(swapped, flange_from_tcp.rotation) <= tolerance).all():
         hint = "these quaternions are in the order x y z w: write w first, as the pendant's q1 is"
     elif (_angle(needed, other_order(flange_from_tcp.rotation)) <= tolerance).all():
         mended = as_written(other_order(flange_from_tcp.rotation))
         hint = f"tool.quaternion is in the order x y z w: write {mended}, w first, as q1 in RAPID tooldata"
-    elif (_angle(needed, needed[0]) <= 2 * tolerance).all():
-        hint = f"with this robot tool.quaternion {as_written(needed[0], 4)} (w first) fits; {hint}"
+    elif (_angle(needed, mean) <= tolerance).all():
+        hint = f"with this robot tool.quaternion {as_written(mean, 4)} (w first) fits; {hint}"
     worst = int(np.argmax(turn / tolerance))
     raise error("CS0116", f"pendant_poses[{numbers[worst]}]: at these angles the tool of {robot.name} is turned "
                 f"{np.degrees(turn[worst]):.1f} deg away from what the pendant shows, tolerance "

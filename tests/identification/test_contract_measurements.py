@@ -177,23 +177,28 @@ def test_masses_and_forces_in_one_file(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(("lines", "code", "line", "words"), [
-    ([HEADER + ",mass_kg", ROW + ",20"], "CS1508", 2, "which of them"),
+    ([HEADER + ",mass_kg", ROW + ",20"], "CS1508", 2, "a mass and a force: which of them acted?"),
+    ([HEADER + ",mass_kg", ROW + ",", ROW.replace("0,100,0", ",,5") + ",20"], "CS1508", 3, "a mass and a force: which of them"),
+    ([HEADER + ",mass_kg", ROW.replace("0,100,0", "5,,5") + ",", ROW + ","], "CS1508", 2,
+     "neither a mass nor all three of fx_n fy_n fz_n"),
     ([HEADER + ",mass_kg", ROW + ",", ROW.replace("0,100,0", ",100,0") + ","], "CS1508", 3, "neither a mass nor"),
     ([HUNG, HUNG_ROW, HUNG_ROW.replace(",25,", ",,")], "CS1508", 3, "neither a mass nor"),
     ([HUNG, HUNG_ROW.replace(",25,", ",25000,")], "CS1510", 2, "25000 kg"),
     ([HUNG, HUNG_ROW.replace(",25,", ",heavy,")], "CS0203", 2, "'heavy'"),
     ([HUNG, HUNG_ROW.replace(",25,", ",0,")], "CS1005", None, "none of the 1 rows"),
-    ([HEADER.replace(",fz_n", ",mass_kg"), ROW], "CS0202", None, "without fz_n"),
+    ([HEADER.replace(",fz_n", ",mass_kg"), ROW], "CS0202", 1, "without fz_n"),
 ])
 def test_complaints_about_masses(tmp_path, lines, code, line, words) -> None:
     path = tmp_path / "measurements.csv"
     path.write_text("\n".join(lines) + "\n")
     with pytest.raises(CompstiffError) as caught:
         read_measurements(path, read_cell(write_cell(tmp_path)))
-    finding = caught.value.findings[0]
+    (finding,) = caught.value.findings
     assert finding.code == code
     assert words in finding.message
-    assert line is None or finding.line == line
+    assert finding.line == line
+    mass = lines[0].split(",").index("mass_kg") + 1
+    assert code not in ("CS1508", "CS1510") or (finding.column, finding.level) == (mass, "error")
 
 
 @pytest.mark.parametrize(("mass", "said"), [(5000, False), (-5000, False), (5001, True), (-5001, True)])
@@ -310,6 +315,13 @@ def test_time_runs_on_where_the_clock_begins_anew(tmp_path: Path, times, running
     for finding in rows.findings:
         if finding.code == "CS1008":
             assert (finding.level, finding.line, finding.column) == ("warning", 3, 13)
+        if finding.code == "CS1028":
+            later = [k for k in range(1, len(times)) if times[k][1] != times[k - 1][1]]
+            shift = [there - read for there, (read, _) in zip(running, times, strict=True)]
+            anew = [k for k in later if shift[k] > shift[k - 1]]
+            assert finding.message == (f"time_s begins anew at {len(anew)} of {len(later)} later references: each was taken "
+                                       "to follow right after the reading before it")
+            assert (finding.level, finding.line, finding.column) == ("note", 2 + anew[0], 13)
 
 
 def test_what_is_wrong_is_told_in_the_order_of_the_lines(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from identification.common.findings import CompstiffError
 from identification.design import procedure
 from identification.design.causes import ByCauses
 from identification.design.discrimination import Diagnosed, Discrimination
-from identification.design.domain import Domain
+from identification.design.domain import Domain, random_pool
 from identification.design.forecast import Forecast, JointForecast
 from identification.design.information import instrument
 from identification.design.kept_back import distances
@@ -39,7 +39,7 @@ from identification.diagnosis.plan import judge_plan
 from identification.fit.fit import fit_stiffness
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
-from identification.model.compliance import deviation
+from identification.model.compliance import compliance_matrix, deviation
 from identification.model.kinematics import chain, forward
 from tests.identification.design.conftest import CELL
 from tests.support import write_cell
@@ -203,6 +203,44 @@ def test_wrong_calls_and_refusals(written, tmp_path):
         assert run(cell, "-o", out, *wrong).exit_code == 2
     assert isinstance(design, click.Command)
     assert not out.exists()
+
+
+@pytest.mark.parametrize(("design_block", "words", "said", "hint"), [
+    ("", ("--position", 9000, 0, 0), "at none of 16000 random tool orientations is the wanted place in reach and inside the "
+     "joint limits", "move the place with --position"),
+    ("design: {joint_window_deg: {q5: [-9.9, 9.9]}}\n", (), "random poses at the wanted place, in reach and inside the joint "
+     "limits, none is inside the windows (of the orientation, reach_mm, the parallel rod's) and away from singularities",
+     "widen --phi, or check tool and design"),
+    ("", ("--max-force", 2), "it deflects the robot by less than 10 sigmas of the sensors (N) or by more than 5 mm (0)",
+     "plan with a larger load: --max-force, or --dead-weight"),
+    ("", ("--max-force", 20000), "it deflects the robot by less than 10 sigmas of the sensors (0) or by more than 5 mm (N)",
+     "plan with a smaller load: --max-force, or --dead-weight")])
+def test_what_no_run_is_admissible_by_is_said(tmp_path, design_block, words, said, hint):
+    """A singular wrist; a load that no sensor sees, and one beyond its range: its own hint is about none of the others."""
+    done = run(write_cell(tmp_path, CELL + design_block), "-o", tmp_path / "p.csv", "--axes", "z", *words, "--json")
+    (finding,) = json.loads(done.stdout)["findings"]
+    assert (done.exit_code, finding["code"], Path(finding["file"])) == (1, "CS1601", tmp_path / "cell.yaml")
+    told, standing = finding["message"], re.search(r"at (\d+) random poses at the wanted place", finding["message"])
+    assert told.startswith("no run with a load along z is admissible: ")
+    assert told.endswith(said.replace("N", standing[1] if standing else ""))
+    assert hint in finding["hint"]
+
+
+def test_a_load_that_the_sensors_just_see_at_some_pose_is_planned(cell):
+    """Neither limit of the load is met by the most, or the least, that a pose of the pool deflects under 1 N."""
+    def with_force(force):
+        return Domain(instrument(cell), (slot("z", "single", force),), np.array([[1.36, 0.0, 0.81]]))
+
+    pool = random_pool(with_force(300.0), 400, np.random.default_rng(0))
+    moved = compliance_matrix(cell.robot, pool.theta, cell.flange_from_tcp, 1 / cell.prior.stiffness)[:, :3, 2]
+    sigmas = np.linalg.norm(moved / cell.noise.deflection, axis=1).max()
+    for share, count in ((0.99, 0), (1.01, 1)):
+        domain = with_force(10 * share / sigmas)
+        if count:
+            assert 1 <= len(random_pool(domain, 400, np.random.default_rng(0))) < len(pool)
+        else:
+            with pytest.raises(CompstiffError, match="CS1601"):
+                random_pool(domain, 400, np.random.default_rng(0))
 
 
 LITTLE = Effort(200, 2, 1, 0, 1)

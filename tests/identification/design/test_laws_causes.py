@@ -17,7 +17,9 @@ from identification.design import causes
 from identification.design.criteria import d_criterion
 from identification.design.domain import Domain, random_pool
 from identification.design.exchange import exchange
+from identification.design.forecast import spread
 from identification.design.information import instrument
+from identification.design.loads import slot
 from identification.design.posture import reaching_back
 from identification.design.search import Effort
 from identification.design.task import Demand, Task, free_demand
@@ -106,6 +108,64 @@ def test_more_causes_are_told_apart_and_the_price_is_said(found, task, cell):
     assert 0.5 < worth.share <= 1
     assert plan.certificate.efficiency < 0.95       # by the stiffnesses alone it is not the best
     assert task.domain.excess(plan.runs).max() <= 1e-6
+
+
+@pytest.fixture(scope="module")
+def one_run(cell, prior):
+    """What a single run is to be, visited twice, and the rows of another one that is measured, the last of them kept back."""
+    task = Task(Domain(instrument(cell), (slot("z", "single", 300.0),), np.array([[1.36, 0.0, 0.81]])), d_criterion(), prior,
+                free_demand(1, 1), 2)
+    measured = causes._rows(task, random_pool(task.domain, 1, np.random.default_rng(8)), None)
+    return task, replace(measured, validate=np.arange(len(measured)) == len(measured) - 1)
+
+
+@pytest.mark.parametrize(("before", "left_out"), [(False, ()), (True, (1,))])
+def test_one_run_is_the_best_of_the_pool_and_its_figures_are_those_of_all_of_them(
+    one_run, cell, prior, monkeypatch, before, left_out,
+):
+    """Each run of the pool by itself, and the best plan in fractions by the multiplicative rule (Silvey, Titterington, Torsney
+    1978): neither the exchange nor the bound."""
+    monkeypatch.setattr(causes, "ROWS", 16)
+    task, measured = one_run
+    if left_out:
+        task = replace(task, criterion=d_criterion().of_seen(np.eye(6)[:, 1:]))
+    design, worth = causes.design_for_causes(task, measured if before else None, np.random.default_rng(2),
+                                             replace(SMALL, poses=60, climbs=2))
+    pool = design.pool
+    assert (len(design.runs), len(pool), worth.pool) == (1, 8, 8)
+    rows = causes._rows(replace(task, replicates=1), pool, measured.select(~measured.validate) if before else None)
+    told = visit_information(cell, rows, np.log(task.domain.rig.compliance))
+    earlier, each = told.prior + told.of[:-8].sum(axis=0), 2 * told.of[-8:]
+
+    def bits(information):
+        return 0.5 / np.log(2) * (np.linalg.slogdet(information)[1] - np.linalg.slogdet(earlier)[1])
+
+    single = [bits(earlier + one) for one in each]
+    assert np.array_equal(design.runs.theta[0], pool.theta[int(np.argmax(single))])
+    assert worth.bits == pytest.approx(max(single), rel=1e-6)
+    weights = np.full(8, 1 / 8)
+    for _ in range(400):
+        gain = np.einsum("nij,ji->n", each, np.linalg.inv(earlier + np.einsum("n,nij->ij", weights, each)))
+        weights *= gain / (weights @ gain)
+    best = bits(earlier + np.einsum("n,nij->ij", weights, each))
+    assert 0.96 * worth.bits / best < worth.share <= worth.bits / best
+    # The springs alone, from the prior: what was measured is in that of the task.
+    seen = slice(len(left_out), 6)
+    after = [prior + 2 * information for information in pool.information]
+    plainly = int(np.argmax([np.linalg.det(one[seen, seen]) for one in after]))
+    assert worth.otherwise_largest == pytest.approx(np.sqrt(np.diag(np.linalg.inv(after[plainly]))[seen].max()))
+    assert worth.largest == pytest.approx(np.sqrt(np.diag(np.linalg.inv(after[int(np.argmax(single))]))[seen].max()))
+    assert worth.otherwise_named == 0       # of one load at one pose
+    assert design.certificate.value == pytest.approx(design.task.value(design.runs))
+
+
+def test_what_a_plan_by_causes_is_worth_in_words():
+    worth = causes.ByCauses(41.6, 0.8379, 233, 0.031, 17, 0.022)
+    assert worth.lines() == [
+        "42 bits about stiffnesses and causes, at least 83 % of what as many out of 233 runs drawn at random could tell "
+        "(equivalence theorem, poses as fractions)",
+        f"as many runs by criterion D name 17 causes of typical size and know the least known stiffness {spread(0.022)}; these "
+        f"know it {spread(0.031)}, their causes stand below"]
 
 
 def test_the_pool_is_of_ordinary_postures_with_runs_of_every_group(domain, prior, tmp_path):

@@ -176,6 +176,22 @@ def test_a_load_that_leaves_nine_tenths_of_the_spread_is_no_advice(cell, left: f
     assert ("no force at this tool point shows k4 at these poses: load the tool beside the axis" in finding.hint) != shows
 
 
+@pytest.mark.parametrize(("before", "level"), [(0.2, "note"), (0.201, "warning")])
+@pytest.mark.parametrize("pushed", [False, True])
+def test_a_joint_that_the_loads_cannot_show_is_warned_of_where_it_is_not_known(cell, domain, before, level, pushed) -> None:
+    """From a fifth on (sigma of ln k), beside one that is known better."""
+    loads = (Sideways(1, 0, np.array([50.0, 0, 0]), 0.01, 0.02), Sideways(6, 0, np.array([50.0, 0, 0]), before, 0.02))
+    finding = unseen_finding(domain if pushed else hung(cell), loads, ("pose 1", "pose 2"))
+    assert finding.level == level
+    assert finding.message == "these loads cannot show k1 and k6: " + (
+        "the loads turn it at no admissible pose" if pushed else
+        "the weights' line makes no moment about the axis at any admissible pose") + (
+        ". Only what is known beforehand carries it, and the plan is judged by what the loads do show")
+    assert ("turning axis 1 or the whole robot about the vertical shows nothing" in finding.hint) != pushed
+    alone = unseen_finding(hung(cell), loads[1:], ("pose 2",))
+    assert "about the vertical" not in alone.hint
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("weights")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -39,6 +40,44 @@ def test_the_dictionary_is_the_contract_s() -> None:
             assert parameter.low <= parameter.typical <= parameter.high
     for name in CONTRACT:
         assert f"`{name}`" in DOCUMENT
+
+
+def test_what_the_robot_does_and_what_the_measurement_is_the_documentation_s() -> None:
+    """By the table of families: the first law of each name is where its name stands first."""
+    table = re.findall(r"^\| ([a-z ]+) \|(.*?)\|(.*?)\|$", DOCUMENT.partition("## The procedure")[0], re.M)
+    listed: dict[str, tuple[str, bool]] = {}
+    for family, of_robot, of_measurement in table:
+        for column, whose in ((of_robot, True), (of_measurement, False)):
+            for name in re.findall(r"`(\w+)`", column):
+                listed.setdefault(name, (family, whose))
+    assert {name: listed[name] for name in CONTRACT} == {
+        effect.name: (effect.family, effect.of_robot) for effect in effects().values()}
+    assert {law.stored for law in every_law() if law.of_robot != effects()[law.name].of_robot} == {
+        "hysteresis.seats", "transmission_error.poses"}
+
+
+def test_structures_stiffen_and_other_laws_do_not() -> None:
+    """Bearings, links, the base, what stands under it, the force sensor, the spindle; and a rod that is drawn or pressed."""
+    assert {law.stored.partition(".")[0] if law.stored != "parallelogram.rod" else law.stored
+            for law in every_law() if law.stiffens} == {
+        "base_rocking", "base_shift", "bearing_tilt", "force_sensor_compliance", "link_bending", "parallelogram.rod",
+        "soft_track", "spindle_compliance"}
+    assert {law.name for law in every_law() if not law.stiffens} & {
+        "base_rocking", "base_shift", "bearing_tilt", "force_sensor_compliance", "link_bending", "soft_track"} == set()
+
+
+def test_a_law_of_gravity_is_one_that_the_links_weight_changes() -> None:
+    """The other laws yield alike whatever the arm weighs; those of unknown weight have it as a parameter."""
+    model = robot()
+    rng = np.random.default_rng(1)
+    theta, wrench = random_poses(model, 6, rng), np.concatenate([rng.uniform(-300, 300, (6, 3)), np.zeros((6, 3))], axis=1)
+    heavy = replace(model, link_mass=np.full(6, 150.0), link_centre=np.full((6, 3), 0.2))
+    light, weighs = (load_state(arm, Frame(np.eye(3), np.array([0.12, 0.0, 0.25])), theta, wrench, 1 / model.prior.stiffness)
+                     for arm in (model, heavy))
+    for law in every_law():
+        joint = law.places[-1]
+        either = [law.contribution(rows, joint, law.typical(light, joint)) for rows in (light, weighs)]
+        assert np.array_equal(*either) != (law.of_gravity and not law.weighed), law.stored
 
 
 def test_what_shows_in_a_joint_s_log_may_show_in_any_joint_s() -> None:

@@ -120,6 +120,80 @@ def test_each_break_is_found(name: str, change: Callable[[str], str], code: str,
     assert any(row.verdict in line for line in check.lines())
 
 
+@pytest.mark.parametrize(("keys", "limit", "stated", "over", "said"), [
+    # All lengths of the file together, the largest limit, the fastest joint, the prior of joint 1.
+    (("a_mm", "d_mm"), 300, 3631, True, "all lengths together are {:.6g} mm; of a milling arm 300 to 15000 mm are expected"),
+    (("a_mm", "d_mm"), 15000, 3631, False, "all lengths together are {:.6g} mm; of a milling arm 300 to 15000 mm are expected"),
+    (("limits_deg",), 7, 350, True, "the largest limits_deg of all joints is {:.4g}; more than 7 is expected"),
+    (("speed_deg_s",), 7, 219, True, "the largest speed_deg_s of all joints is {:.4g}; more than 7 is expected"),
+    (("speed_deg_s",), 1500, 219, False, "the largest speed_deg_s is {:.4g}; at most 1500 is expected"),
+    (("stiffness_nm_per_rad",), 1e4, None, True, "the prior of joint 1 is {:.4g} N m/rad; over 10000 is expected")])
+def test_a_number_is_of_another_unit_beyond_its_limit(
+    tmp_path: Path, keys: tuple[str, ...], limit: float, stated: float | None, over: bool, said: str,
+) -> None:
+    """What is expected lies over the limit, or under it."""
+    stated = stated or read_robot(built_in_robots()[KUKA]).prior.stiffness[0]
+
+    def told(share: float) -> list[str]:
+        def change(text: str) -> str:
+            for key in keys:
+                text = scaled(key, share * limit / stated)(text)
+            return text
+
+        return [one.message for one in checked(tmp_path, KUKA, change).findings if one.code == "CS0062"]
+
+    assert told(1.003 if over else 0.997) == []
+    assert told(0.997 if over else 1.003) == [said.format((0.997 if over else 1.003) * limit)]
+
+
+def test_the_line_of_units_has_their_numbers_and_a_twist_its_joint(tmp_path: Path) -> None:
+    check = checked(tmp_path, KUKA, swap("alpha_deg: -90, a_mm: 350", "alpha_deg: -89, a_mm: 350"))
+    units = next(row for row in check.rows if row.subject == "units")
+    prior = read_robot(built_in_robots()[KUKA]).prior.stiffness[0]
+    assert units.found == f"lengths 3631 mm in all, fastest joint 219 deg/s, prior of joint 1 {prior:.3g} N m/rad"
+    assert [one.message for one in units.findings] == ["alpha_deg is no multiple of 90 (joint 2: -89)"]
+
+
+def test_a_file_without_a_pose_proves_no_sign(tmp_path: Path) -> None:
+    check = checked(tmp_path, KUKA, lambda text: text[:text.index("poses:")] + text[text.index("sources:"):])
+    row = next(row for row in check.rows if row.subject == "poses")
+    assert (row.found, row.verdict) == ("none stated", "warning")
+    assert [(one.code, one.level, one.message) for one in check.findings] == [
+        ("CS0066", "warning", "no pose to hold the forward kinematics against: signs and zeros of the joints are unproved")]
+    assert check.sound
+
+
+@pytest.mark.parametrize(("stated", "tolerance", "off", "told"), [
+    (2700, 3.69, -3.7, False), (2700, 3.67, -3.7, True), (2690, 6.33, 6.3, False), (2690, 6.31, 6.3, True)])
+def test_a_reach_is_told_that_is_off_by_more_than_its_tolerance(
+    tmp_path: Path, stated: float, tolerance: float, off: float, told: bool,
+) -> None:
+    """The upper arm comes down to 5 degrees, the forearm to level: 350 + 1150 cos 5 + hypot(1200, 41) = 2696.32 mm."""
+    check = checked(tmp_path, KUKA, swap("reach_mm: 2700, ", f"reach_mm: {stated}, reach_tolerance_mm: {tolerance}, "))
+    row = next(row for row in check.rows if row.subject == "reach")
+    assert row.found == ("2696.3 mm from axis 1: the wrist centre's largest distance inside the limits; "
+                         f"stated {stated} mm, {off:+.1f}")
+    assert [(one.code, one.message) for one in row.findings] == [
+        ("CS0063", f"reaches 2696.3 mm from axis 1, the data sheet states {stated} mm, tolerance {tolerance} mm")][:told]
+
+
+@pytest.mark.parametrize(("tolerance", "told"), [("tolerance_mm: 3.06, tolerance_deg: 2.01", 0), ("tolerance_mm: 3.03", 1)])
+def test_a_pose_is_told_that_is_off_by_more_than_its_tolerance(tmp_path: Path, tolerance: str, told: int) -> None:
+    """A flange 215 mm away from the wrist whose angle of axis 6 is 2 degrees off, stated 3.05 mm too far along x."""
+    check = checked(tmp_path, KUKA, lambda text: swap("flange_mm: [1692.53,", f"{tolerance}, flange_mm: [1695.58,")(
+        swap("40, -50]", "40, -48]")(text)))
+    row = next(row for row in check.rows if row.subject == "pose 1")
+    assert row.found.startswith("flange off by 3.0")
+    assert ", turned by 2.00" in row.found
+    messages = [one.message for one in row.findings if one.code == "CS0064"]
+    assert len(messages) == 2 * told
+    if told:
+        assert messages[0] == ("pose 1: flange_mm is [1695.58, -689.57, 1299.11] in the document, the file's geometry gives "
+                               "[1692.53, -689.57, 1299.11], 3.05 mm away, tolerance 3.03 mm")
+        assert re.fullmatch(r"pose 1: the flange is turned by 2\.00\d deg against the document's quaternion, tolerance "
+                            r"0\.1 deg", messages[1])
+
+
 @pytest.mark.parametrize(("old", "new", "words"), [
     ("sense: -1", "sense: -2", "sense"),
     ("limits_deg: [-140, -5]", "limits_deg: [-5, -140]", "ascending"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,91 @@ def test_a_tolerance_is_the_user_s(tmp_path: Path) -> None:
     with pytest.raises(CompstiffError):
         read_cell(cell(tmp_path, tool=tool))
     assert read_cell(cell(tmp_path, tool=tool, extra=", tolerance_mm: 6")).pendant.off == pytest.approx(0.005, abs=1e-4)
+
+
+@pytest.mark.parametrize(("off_mm", "fits"), [(1.9, True), (2.1, False)])
+def test_a_tool_is_told_that_stands_off_by_over_two_millimetres(tmp_path: Path, off_mm: float, fits: bool) -> None:
+    """Nothing else tells it: at each pose the TCP is off by as much as the tool is, to the digits of the poses."""
+    file = cell(tmp_path, tool=Frame.mm([110.0 + off_mm, -20.0, 260.0]))
+    if fits:
+        proof = read_cell(file).pendant
+        assert proof is not None
+        assert proof.off == pytest.approx(1e-3 * off_mm, abs=1e-4)
+        return
+    with pytest.raises(CompstiffError) as refused:
+        read_cell(file)
+    (finding,) = refused.value.findings
+    assert finding.file == str(file)
+    assert finding.message.endswith(f"with this tool is {off_mm} mm away from where the pendant shows it, tolerance 2 mm")
+
+
+def test_the_pose_that_is_furthest_off_for_its_tolerance_is_named_and_none_fits_a_pose_misread(tmp_path: Path) -> None:
+    """The second by 3 mm of 2, the third by 8 mm of 6."""
+    lines = []
+    for q, shift, tolerance in zip(ANGLES, (0.0, 3.0, 8.0), (2, 2, 6), strict=True):
+        x, y, z = np.round(1e3 * kit.tcp_pose(ARMS[ROBOT], np.radians(np.array(q, float)), TOOL).p, 1)
+        lines.append(f"  - {{joints_deg: {q}, tcp_mm: {[float(x), float(y), float(z + shift)]}, tolerance_mm: {tolerance}}}")
+    (tmp_path / "cell.yaml").write_text(kit.cell_text(ROBOT, TOOL, None, "\n".join(["pendant_poses:", *lines, ""])))
+    with pytest.raises(CompstiffError) as refused:
+        read_cell(tmp_path / "cell.yaml")
+    (finding,) = refused.value.findings
+    assert finding.message == (f"pendant_poses[1]: at these angles the TCP of {ROBOT} with this tool is 3.0 mm away from where "
+                               "the pendant shows it, tolerance 2 mm")
+    assert finding.hint == "are these the angles and tcp_mm of one pose, in base coordinates, with this tool active?"
+
+
+def tool_about_z(folder: Path, degrees: tuple[float, ...], extra: str = "") -> Path:
+    """A cell whose tool is not turned; the pendant shows it turned about its z axis by so much, at no pose where that is 0."""
+    lines = []
+    for q, angle in zip(ANGLES, degrees, strict=True):
+        pose = kit.tcp_pose(ARMS[ROBOT], np.radians(np.array(q, float)), TOOL)
+        half = np.radians(angle) / 2
+        about = Frame.mm([0, 0, 0], np.array([np.cos(half), 0, 0, np.sin(half)]))
+        turn = kit.quaternion(pose.r * about.r)
+        lines.append(f"  - {{joints_deg: {q}, tcp_mm: {np.round(1e3 * pose.p, 1).tolist()}"
+                     + (f", quaternion: {turn.tolist()}{extra}" if angle else "") + "}")
+    file = folder / "cell.yaml"
+    file.write_text(kit.cell_text(ROBOT, TOOL, None, "\n".join(["pendant_poses:", *lines, ""])))
+    return file
+
+
+@pytest.mark.parametrize(("degrees", "extra", "worst"), [
+    ((0, 0.49, 0.3), "", None), ((0, 0.3, 0.51), "", 2), ((0, 0.51, 0), "", 1), ((0, 0.9, -3.1), ", tolerance_deg: 3", 2),
+    ((0, -2.9, 2.9), ", tolerance_deg: 3", None)])
+def test_a_turn_of_the_tool_is_told_beyond_its_tolerance_at_its_pose(
+    tmp_path: Path, degrees: tuple[float, ...], extra: str, worst: int | None
+) -> None:
+    if worst is None:
+        proof = read_cell(tool_about_z(tmp_path, degrees, extra)).pendant
+        assert proof is not None
+        assert np.degrees(proof.turn or 0) == pytest.approx(max(map(abs, degrees)), abs=1e-5)
+        assert proof.words() == f"the pendant's poses agree to {1e3 * proof.off:.2g} mm and {max(degrees):.2g} deg"
+        return
+    with pytest.raises(CompstiffError) as refused:
+        read_cell(tool_about_z(tmp_path, degrees, extra))
+    (finding,) = refused.value.findings
+    assert finding.message == (f"pendant_poses[{worst}]: at these angles the tool of {ROBOT} is turned "
+                               f"{abs(degrees[worst]):.1f} deg away from what the pendant shows, tolerance "
+                               f"{3 if extra else 0.5:g} deg")
+
+
+@pytest.mark.parametrize(("apart", "one_fits"), [(0.74, True), (0.76, False)])
+def test_a_quaternion_of_the_tool_is_offered_where_it_fits_all_poses(tmp_path: Path, apart: float, one_fits: bool) -> None:
+    """The poses' own show tools that are turned against each other; their mean is within the half degree of each of them."""
+    file = tool_about_z(tmp_path, (40.0, 40 + apart, 40.0))
+    with pytest.raises(CompstiffError) as refused:
+        read_cell(file)
+    hint = refused.value.findings[0].hint
+    asked = "is this the quaternion q1 q2 q3 q4 (q1 = w first) of this pose, in base coordinates, with this tool active?"
+    assert (hint == asked) != one_fits
+    if one_fits:
+        offered = re.fullmatch(r"with this robot tool.quaternion (\[.*\]) \(w first\) fits; (.*)", hint)
+        assert offered
+        assert offered[2] == asked
+        file.write_text(re.sub(r"(?m)^(tool: .*quaternion: )\[[^\]]*\]", rf"\g<1>{offered[1]}", file.read_text()))
+        proof = read_cell(file).pendant
+        assert proof is not None
+        assert np.degrees(proof.turn or 0) == pytest.approx(2 * apart / 3, abs=0.01)
 
 
 def turned_cell(
