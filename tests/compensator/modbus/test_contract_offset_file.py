@@ -23,7 +23,7 @@ def written(folder: Path, added: dict[int, tuple[str, str]], *, told: bool = Tru
     return folder / "offsets.csv"
 
 
-# 0.03 and 0.04 mm off the straight line from 0.1 to 0.3 mm; 0.01 off that from 0.3 to 0.1; 0.05 on a move along which it is 0.1.
+# 0.03 and 0.04 mm off the straight line from 0.1 to 0.3 mm; 0.01 off that from 0.3 to 0.1; 0.05 off one that stays at 0.1.
 BENT = {3: ("0.25 0.5", "0.15 0.03 0 0.2 0 -0.04"), 5: ("0.75", "0.15 0.01 0"), 6: ("0.5", "0.1 0 0.05")}
 
 
@@ -46,7 +46,7 @@ def test_of_a_file_that_does_not_tell_their_offsets_half_of_the_step_counts(tmp_
     """0.2 mm from target 2 to 3, 0.1 to target 8, which counts where it is not corrected itself, none to target 9, which
     neither is nor follows one that is: another move from or to a corrected target with it."""
     for targets, of, worst, middle in (((3,), 8, 100, 100), ((3, 8), 8, 100, 75), ((8,), 8, 50, 50), ((3, 8, 9), 9, 100, 50)):
-        file = written(tmp_path, {target: ("0.5", "") for target in targets}, told=False)
+        file = written(tmp_path, dict.fromkeys(targets, ("0.5", "")), told=False)
         [found] = [one for one in read_offsets(file, reach_mm=10.0).findings if one.code == "CS5008"]
         assert found.message.startswith(f"in {len(targets)} of {of} moves")
         assert f"up to about {worst} um at the worst, {middle} um in the middle" in found.message
