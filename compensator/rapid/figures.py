@@ -48,7 +48,7 @@ def renumbered_poses(data: bytes, start: Offsets, end: Offsets, old: Array, numb
     new = _figures(numbers.ravel(), places)
     stay = _same(old.ravel(), numbers.ravel(), places, new)
     changed = np.full(len(start), NUMBERS) - stay.reshape(-1, NUMBERS).sum(axis=1)
-    written, used = _right_aligned(new, places, max(int((behind - first).max(initial=1)), 1))
+    written, used = _right_aligned(new, places, int((behind - first).max(initial=1)))
     # A number that stays is spelled as it was: the letters before its end.
     kept, width = np.flatnonzero(stay), written.shape[1]
     written[kept] = letters[np.maximum(behind[kept, None] + np.arange(-width, 0), 0)]
@@ -111,7 +111,7 @@ def _right_aligned(figures: _Figures, places: NDArray[np.int64], least: int) -> 
     digits = np.maximum(np.searchsorted(_DIGITS, steps, side="right") + 1, places + 1)
     negative = figures.steps < 0
     used = digits + (places > 0) + negative
-    width = max(int(used.max(initial=1)), least, *(len(text) for text in figures.spelled.values()), 1)
+    width = max(int(used.max(initial=1)), least, *(len(text) for text in figures.spelled.values()))
     rows = np.empty((len(steps), width), dtype=np.uint8)
     for fraction in np.unique(places).tolist():
         which = np.flatnonzero(places == fraction)

@@ -9,7 +9,7 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
@@ -110,7 +110,7 @@ def csv_cells(file: Path) -> Cells:
     while header.endswith(separator) and all(line.endswith(separator) for line in body):
         header, body = header[:-1], [line[:-1] for line in body]
     if separator != "," and any("," in line for line in body):
-        _no_thousands(body, separator, str(file), kept[1:])
+        no_thousands(body, lambda line: line.split(separator), str(file), [index + 1 for index in kept[1:]])
         body = with_decimal_points(body)
     try:
         names = [name.strip().strip('"') for name in next(csv.reader([header], delimiter=separator))]
@@ -154,15 +154,19 @@ def _widths(body: list[str], separator: str, file: str | Path, index: list[int])
         raise error("CS0201", f"is not a table: {reason}", file=str(file)) from reason
 
 
-def _no_thousands(body: list[str], separator: str, file: str, index: list[int]) -> None:
-    """Raises CompstiffError (CS0203) for a point between thousands beside cells with decimal commas; index: of each line."""
+def no_thousands(
+    body: Sequence[str], cells_of: Callable[[str], Sequence[str]], file: str, numbers: Sequence[int],
+    columns: Container[int] | None = None
+) -> None:
+    """Raises CompstiffError (CS0203) for a point between thousands beside cells with decimal commas. body: lines, of these
+    numbers in the file; columns: from 0, of the cells that are read, None: all."""
     if not any(_DECIMAL_COMMA.search(line) for line in body):
         return
-    for row, line in enumerate(body):
-        for column, cell in enumerate(line.split(separator) if "." in line else (), 1):
-            if _POINT_OF_THOUSANDS.fullmatch(cell.strip()):
+    for number, line in zip(numbers, body, strict=True):
+        for column, cell in enumerate(cells_of(line) if "." in line else ()):
+            if (columns is None or column in columns) and _POINT_OF_THOUSANDS.fullmatch(cell.strip()):
                 raise error("CS0203", f"the point in {shown(cell.strip())} separates thousands, or is a decimal one where "
-                            "other cells have decimal commas", file=file, line=index[row] + 1, column=column,
+                            "other cells have decimal commas", file=file, line=int(number), column=column + 1,
                             hint="write it without a mark between thousands, and decimal commas alike in all cells")
 
 

@@ -56,10 +56,18 @@ def _panel_numbers(panel: Panel) -> Table | None:
     if len(places) != len(series) or not places or len(places[0]) > MOST_ROWS or any(
             not np.array_equal(place, places[0]) for place in places):
         return None
-    # A line through marks has the same numbers.
-    shown = {tuple(np.asarray(item.y, dtype=float)): item for item in series if not isinstance(item, Bars)}
-    header = [panel.x.title, *(_title(item.name, of_value) for item in shown.values())]
-    return header, [[number(place), *(_value(values[i]) for values in shown)] for i, place in enumerate(places[0].tolist())]
+    shown: list[tuple[str, list[str]]] = []
+    for item in series:
+        told = [_value(value) for value in np.asarray([] if isinstance(item, Bars) else item.y, dtype=float)]
+        # A line through marks has the same numbers.
+        same = next((k for k, (name, others) in enumerate(shown)
+                     if told == others and (not name or not item.name or name == item.name)), None)
+        if same is None:
+            shown.append((item.name, told))
+        else:
+            shown[same] = (shown[same][0] or item.name, told)
+    header = [panel.x.title, *(_title(name, of_value) for name, _ in shown)]
+    return header, [[number(place), *(told[i] for _, told in shown)] for i, place in enumerate(places[0].tolist())]
 
 
 def _by_category(names: list[str], title: str, series: Sequence[Bars | Points | Line], of_value: Axis) -> Table | None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import Array
 from identification.common.arrow import arrow_csv, floats_of
-from identification.common.cells import decoded, holds_cells, opened, parquet_complaints, with_decimal_points
+from identification.common.cells import decoded, holds_cells, no_thousands, opened, parquet_complaints, with_decimal_points
 from identification.common.findings import error
 from identification.common.sizes import LARGEST_CELL
 from identification.common.table_layout import BLANKS, Layout, cells_of
@@ -34,7 +34,7 @@ def _occurrences(block: bytes, mark: str) -> int:
 
 def text_blocks(file: Path, layout: Layout, wanted: Sequence[str]) -> Iterator[tuple[dict[str, Array], Indices]]:
     """The wanted columns and the line of each row, block by block. Raises CompstiffError: CS0201 (a row of another width, not
-    text), CS0203 (not a finite number) with line and column."""
+    text), CS0203 (not a finite number, or a point between thousands) with line and column."""
     line = layout.line
     with opened(file) as stream:
         stream.seek(layout.start)
@@ -83,7 +83,11 @@ def parse_block(
     kept = [k for k, text in enumerate(lines) if holds_cells(text)]
     number = np.array(kept, dtype=np.intp) + line
     body = [lines[k] for k in kept]
-    rows = [cells_of(text, layout.separator) for text in (body if layout.separator == "," else with_decimal_points(body))]
+    if layout.separator != ",":
+        no_thousands(body, lambda text: cells_of(text, layout.separator), name, number.tolist(),
+                     {k for k, column in enumerate(layout.names) if column in wanted})
+        body = with_decimal_points(body)
+    rows = [cells_of(text, layout.separator) for text in body]
     for k, row in enumerate(rows):
         if len(row) != width:
             raise error("CS0201", f"{len(row)} cells where {'the header names' if layout.header_line else 'cell.yaml has'} "

@@ -121,3 +121,17 @@ def test_what_no_register_holds_is_refused_however_large(metres: float):
     with pytest.raises(Refused) as stopped:
         check_offsets(Offsets("offsets.csv", 5, offset, np.full(3, np.nan), np.arange(2, 5), ()), np.inf)
     assert [(finding.code, finding.target) for finding in stopped.value.findings] == [("CS5004", 6)]
+
+
+@pytest.mark.parametrize("rows", [65_535, 65_536])
+def test_a_program_has_as_many_windows_as_a_register_counts(rows: int):
+    """Of a device that takes one row at a time."""
+    offsets = Offsets("offsets.csv", 0, np.zeros((rows, 3)), np.full(rows, np.nan), np.arange(rows), ())
+    if rows == 65_535:
+        tables = tables_of(offsets, 1)
+        assert (len(tables), tables[-1].header.window, tables[-1].header.windows) == (rows, rows, rows)
+        return
+    with pytest.raises(Refused) as stopped:
+        tables_of(offsets, 1)
+    assert [(one.code, one.message) for one in stopped.value.findings] == [
+        ("CS5004", "65536 windows of 1 rows: more than a register counts")]

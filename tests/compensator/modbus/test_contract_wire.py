@@ -93,6 +93,22 @@ def test_the_documented_refusals_are_those_of_the_device():
     assert sorted(registers.Result) == [0, *sorted(told.values())]
 
 
+def test_the_documented_exceptions_commands_and_states_are_those_of_the_device():
+    """By number, as whoever programs a PLC after the page has them: exception codes of the specification."""
+    text = (Path(__file__).parents[3] / "docs" / "modbus.md").read_text()
+    table = text[text.index("| exception |"):].partition("\n\n")[0]
+    told = {int(number): word
+            for numbers, words in re.findall(r"^\| ([\d, ]+?)(?: and others)? \| (.+?)(?: \(.*?\)|:.*?)? \|", table, re.M)
+            for number, word in zip(numbers.split(", "), words.split(", "), strict=True)}
+    assert told == {registers.Refusal.FUNCTION: "illegal function", registers.Refusal.ADDRESS: "illegal address",
+                    registers.Refusal.FAILURE: "failure", registers.Refusal.VALUE: "illegal value",
+                    registers.Refusal.BUSY: "busy", registers.Refusal.SEQUENCE: "out of sequence"}
+    for names, name in ((registers.Command, "command"), (registers.Robot, "robot state"), (registers.State, "state")):
+        [meaning] = [item.meaning for item in registers.MAP if item.name == name]
+        listed = re.findall(r"(\d) (idle|receiving|begin|commit|abort|running|window done)", meaning)
+        assert [(str(one.value), one.name.lower().replace("_", " ")) for one in names] == listed
+
+
 @pytest.mark.parametrize(("code", "word"), [
     (1, "function"), (2, "address"), (3, "value"), (4, "failure"), (5, "acknowledge"), (6, "busy"), (8, "parity"),
     (10, "gateway path"), (11, "gateway target"), (99, "unknown")])

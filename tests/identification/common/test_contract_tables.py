@@ -62,19 +62,40 @@ def test_the_minus_of_a_swedish_spreadsheet_is_one(tmp_path: Path, read) -> None
 
 @pytest.mark.parametrize(("cell", "right"), [("-1.112", False), ("12.345", False), ("1.234.567", False), ("0.125", True),
                                              ("1.2", True), ("1.2345", True)])
-def test_a_point_of_thousands_is_not_a_decimal_one(tmp_path: Path, cell: str, right: bool) -> None:
+def test_a_point_of_thousands_is_not_a_decimal_one(tmp_path: Path, read, cell: str, right: bool) -> None:
     """Beside decimal commas; a file of decimal points alone is read as ever."""
     file = tmp_path / "table.csv"
     file.write_text(f"a_mm;b_mm\n15,2098;7\n32,9;{cell}\n")
     if right:
-        assert short(file)["b_mm"][1] == float(cell)
+        assert read(file)["b_mm"][1] == float(cell)
     else:
         with pytest.raises(CompstiffError) as stopped:
-            short(file)
+            read(file)
         assert [(one.code, one.line, one.column) for one in stopped.value.findings] == [("CS0203", 3, 2)]
         assert "thousands" in stopped.value.findings[0].hint
     file.write_text("a_mm;b_mm\n15.209;7\n-1.112;3\n")
-    np.testing.assert_array_equal(short(file)["a_mm"], [15.209, -1.112])
+    np.testing.assert_array_equal(read(file)["a_mm"], [15.209, -1.112])
+
+
+@pytest.mark.parametrize("mark", [";", "\t", "  "])
+@pytest.mark.parametrize(("cell", "column"), [("1.234", 2), ("1.234", 4), ("1234", None), ("0.234", None)])
+def test_a_force_of_a_thousand_newtons_is_not_read_as_one(tmp_path: Path, mark: str, cell: str, column: int | None) -> None:
+    """As a spreadsheet shows it; what is in a column that is not read may be anything."""
+    file, row = tmp_path / "log.csv", ["0,2", "1,5", "-2,5", "3,5", "7.125"]
+    if column is not None:
+        row[column - 1] = cell
+    text = [["time_s", "fx_n", "fy_n", "fz_n", "valve"], ["0,1", "0,5", "0,25", "0,125", "1.234"], row]
+    file.write_text("\n".join(mark.join(cells) for cells in text) + "\n")
+    if column is None:
+        row[3] = cell
+        file.write_text("\n".join(mark.join(cells) for cells in text) + "\n")
+        np.testing.assert_array_equal(read_force_log(file).force, [[0.5, 0.25, 0.125], [1.5, -2.5, float(cell)]])
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read_force_log(file)
+    [found] = stopped.value.findings
+    assert (found.code, found.line, found.column) == ("CS0203", 3, column)
+    assert found.message.startswith("the point in '1.234' separates thousands")
 
 
 @pytest.mark.parametrize("mark", [",", ";", "\t"])

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import datetime
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
-from openpyxl import Workbook
+from openpyxl import Workbook, load_workbook
+from openpyxl.chart import LineChart, Reference
 
 from compensator.forces.placement import read_force_log
 from identification.common import workbook
@@ -69,7 +71,8 @@ def test_the_first_sheet_with_cells_is_read_and_others_are_said(tmp_path: Path) 
 
 @pytest.mark.parametrize(("cell", "words"), [
     (datetime.datetime(2026, 2, 1), "row 2, column B of the sheet 'Blatt 1': found a date"),
-    (datetime.time(1, 2), "found a date or time"), ("=1+2", "the formula =1\\+2 has no saved value")])
+    (datetime.time(1, 2), "found a date or time"), (datetime.timedelta(hours=30), "found a date or time, 1 day, 6:00:00"),
+    ("=1+2", "the formula =1\\+2 has no saved value")])
 def test_what_excel_makes_of_numbers_is_refused(tmp_path: Path, cell: object, words: str) -> None:
     with pytest.raises(CompstiffError, match=f"CS0207.*{words}"):
         read(saved(tmp_path, [HEADER, ["P1", cell, 1]]))
@@ -133,3 +136,33 @@ def test_a_workbook_without_cells_or_of_many_megabytes_is_refused(tmp_path: Path
             continue
         with pytest.raises(CompstiffError, match=r"one.xlsx: error CS0201: is a workbook of 0 MB, at most 0 MB are read"):
             read(file)
+
+
+def test_a_chart_of_its_own_is_no_sheet_with_cells(tmp_path: Path) -> None:
+    file = saved(tmp_path, [HEADER, ["P1", 12.5, 1]])
+    book, chart = load_workbook(file), LineChart()
+    chart.add_data(Reference(book.active, 2, 1, 2, 2), titles_from_data=True)
+    book.create_chartsheet("Diagramm", 0).add_chart(chart)
+    book.save(file)
+    read_in = read(file)
+    assert read_in.numbers["q1_deg"].tolist() == [12.5]
+    assert [(one.level, one.message) for one in read_in.findings] == [("note", "read from the sheet 'Blatt 1'")]
+
+
+def test_a_sheet_that_reaches_far_or_a_workbook_that_unpacks_to_much_is_not_read(tmp_path: Path) -> None:
+    """A number lost in a far corner: five million cells are read, empty ones included. And what is small while it is packed."""
+    file = saved(tmp_path, [HEADER, ["P1", 12.5, 1]])
+    book = load_workbook(file)
+    book.active.cell(1_000_001, 5, 7)
+    book.save(tmp_path / "far.xlsx")
+    with pytest.raises(CompstiffError) as stopped:
+        read(tmp_path / "far.xlsx")
+    (found,) = stopped.value.findings
+    assert (found.code, found.message) == (
+        "CS0201", "the sheet 'Blatt 1' reaches to row 1000001, column 5: over 5000000 cells")
+    with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED, compresslevel=1) as archive, archive.open("xl/media/x", "w") as part:
+        for _ in range(257):
+            part.write(bytes(1 << 20))
+    assert file.stat().st_size < 2 << 20
+    with pytest.raises(CompstiffError, match=r"CS0201: is a workbook of 257 MB once unpacked, at most 256 MB are read"):
+        read(file)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from identification.common.findings import CompstiffError
-from identification.common.yaml_source import NotNegative, Positive, Strict, read_yaml
+from identification.common.yaml_source import NotNegative, Positive, Strict, read_mapping, read_yaml
 
 
 class Sized(Strict):
@@ -48,3 +48,40 @@ def test_a_value_of_the_wrong_kind_has_its_line_and_what_is_wanted(tmp_path: Pat
     assert says in finding.message
     (tmp_path / "one.yaml").write_text("name: '6660'\nshare: 0\n")
     assert read_yaml(tmp_path / "one.yaml", Named).name == "6660"
+
+
+class Nested(Strict):
+    tree: object = None
+
+
+def deep(brackets: int) -> bytes:
+    return b"tree: " + b"[" * brackets + b"]" * brackets + b"\n"
+
+
+def aliased(values: int) -> bytes:
+    """`values` of them: the tree itself, a list of 99 numbers (100 values with it), and the rest by aliases of it."""
+    lists, more = divmod(values - 1, 100)
+    return b"tree: [&a [" + b", ".join([b"1"] * 99) + b"]" + b", *a" * (lists - 1) + b", 2" * more + b"]\n"
+
+
+@pytest.mark.parametrize(("content", "line", "column", "says"), [
+    (b"tree: 1\n", None, None, ""), (b"\xef\xbb\xbftree: 1\n", None, None, ""),
+    (b"tree: gr\xfcn\n", None, None, "is not UTF-8 text: invalid start byte at byte 8"),
+    (b"tree: 1\n  other: 2\n", 2, 8, "is not YAML: mapping values are not allowed here"),
+    (b"tree: [1, 2\n", 2, 1, "is not YAML: expected ',' or ']', but got '<stream end>'"),
+    (b"tree: 1\x01\n", None, None, "is not YAML: unacceptable character"),
+    (b"tree: 1\n#" + b" " * (2**20 - 9) + b"\n", None, None, "has 1048577 bytes, expected at most 1048576"),
+    (deep(60), None, None, ""), (deep(61), None, None, "is not a file of this kind: over 60 brackets within each other"),
+    (aliased(49_900), None, None, ""), (aliased(50_100), None, None, "has over 50000 values, those that aliases"),
+])
+def test_what_is_not_yaml_is_refused_with_its_place(tmp_path: Path, content: bytes, line: int, column: int, says: str) -> None:
+    (tmp_path / "one.yaml").write_bytes(content)
+    for reader in (lambda file: read_yaml(file, Nested), read_mapping):
+        if not says:
+            reader(tmp_path / "one.yaml")
+            continue
+        with pytest.raises(CompstiffError) as stopped:
+            reader(tmp_path / "one.yaml")
+        (found,) = stopped.value.findings
+        assert (found.code, found.file, found.line, found.column) == ("CS0101", str(tmp_path / "one.yaml"), line, column)
+        assert found.message.startswith(says)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identification.common.autocorrelation import FEWEST_BLOCKS, autocorrelation_time
+from identification.common.autocorrelation import FEWEST_BLOCKS, AutocorrelationTime, autocorrelation_time
 
 
 def autoregression(phi: float, count: int, columns: int = 1, seed: int = 1) -> np.ndarray:
@@ -54,3 +54,31 @@ def test_a_hundred_values_are_mostly_too_few_for_a_time_of_nineteen():
 
 def test_no_residual_at_all_has_the_time_of_independent_values():
     assert autocorrelation_time(np.zeros(100)).values == autocorrelation_time(np.zeros(100), 0.05).values == 1.0
+
+
+@pytest.mark.parametrize("columns", [1, 3])
+@pytest.mark.parametrize("count", [8, 9, 64, 301])
+@pytest.mark.parametrize(("floor", "most"), [(None, None), (0.05, None), (0.2, 5), (-2.0, 4), (0.2, None)])
+def test_the_time_is_one_and_twice_the_correlations_up_to_the_end_of_the_sum(columns, count, floor, most):
+    """Of sums of products, lag by lag: up to the first lag of five times the sum so far or more, or up to before the first that
+    is under the floor, of at most so many."""
+    series = autoregression(0.7, count, columns)
+    rho = [np.sum(series[lag:] * series[:count - lag]) / np.sum(series**2) for lag in range(count)]
+    expected = 1.0
+    for lag in range(1, count):
+        if floor is not None and (rho[lag] < floor or (most is not None and lag > most)):
+            break
+        expected += 2 * rho[lag]
+        if floor is None and lag >= 5 * expected:
+            break
+    if floor is None:
+        expected = max(expected, 1.0)
+    found = autocorrelation_time(series if columns > 1 else series[:, 0], floor, most)
+    assert found.values == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("time", "block"), [(1.0, 1), (1.19, 1), (1.21, 7), (2.0, 10), (2.01, 11)])
+def test_a_block_is_five_times_long_and_a_series_eight_blocks(time, block):
+    """But for what cannot be told from independent values."""
+    assert AutocorrelationTime(time, 500).block == block
+    assert [AutocorrelationTime(time, 8 * block + more).short for more in (-1, 0)] == [True, False]

@@ -202,8 +202,13 @@ def test_no_numbers_of_clouds_long_lines_and_series_over_other_places() -> None:
     assert of(Line("l", many, many)) is None
     assert of(Points("a", [1, 2], [3, 4]), Points("b", [1, 3], [3, 4])) is None
     assert chart_numbers(Figure("f", "", [Panel([Cells(np.eye(2))], Axis(categories="ab"), Axis(categories="ab"))])) is None
-    # A line through its own marks is told once.
-    assert of(Line("", [1, 2], [3, 4]), Points("", [1, 2], [3, 4])) == (["x", "y"], [["1", "3"], ["2", "4"]])
+    # A line through its own marks is told once, with a gap in it too; two series that happen to be equal are told as two.
+    for four, said in ((4, "4"), (np.nan, "")):
+        for line, marks in (("", ""), ("a", "a"), ("a", ""), ("", "a")):
+            assert of(Line(line, [1, 2], [3, four]), Points(marks, [1, 2], [3, four])) == (
+                ["x", line or marks or "y"], [["1", "3"], ["2", said]])
+        assert of(Line("before", [1, 2], [3, four]), Points("after", [1, 2], [3, four]), Points("", [1, 2], [3, four])) == (
+            ["x", "before", "after"], [["1", "3", "3"], ["2", said, said]])
 
 
 @pytest.mark.parametrize(("decades", "most"), [(4, 6), (12, 4), (30, 5), (300, 8)])

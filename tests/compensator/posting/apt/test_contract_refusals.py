@@ -112,6 +112,8 @@ HEAD = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/30,20,5\n"         # three lines
     ("MOVARC/20,20,5,0,0,1,10,ANGLE,360360\nGOTO/30,20,5", "CS2108", 4, 31, "up to 360000"),
     ("MOVARC/20,20,5,0,0,1,10,ANGLE,90.7\nGOTO/20,30,5", "CS2108", 4, 1, "stated to turn by 90.7000 degrees, its end is at 90"),
     ("CIRCLE/20,20,5,0,0,1.002,10\nGOTO/20,30,5", "CS2108", 4, 16, "length 1.002"),
+    ("GOTO/1,2,3,0,0,1.0011", "CS2112", 4, 12, r"the tool axis \[0.0, 0.0, 1.0011\] has length 1.001, expected 1"),
+    ("MULTAX/OFF\nGOTO/1,2,3,0.0000014,0,1", "CS2112", 5, 12, r"where it would stay \[0.0, 0.0, 1.0\]"),
     ("CYCLE/DEEP,DEPTH,10,STEP,0.00999,CLEAR,1", "CS2102", 4, 1, "over 1000 pecks"),
     ("TRACUT/1,0,0,5,0,1,0.00003,0,0,0,1,0", "CS2182", 4, 8, "no rotation"),
     ("INDIRV/0.55,0.8,0\nTLON,GOFWD/ (CIRCLE/20,20,5,1e5),ON,(LINE/20,20,5,20,30,5)", "CS2108", 5, 1, "start is"),
@@ -135,7 +137,10 @@ def test_refusals(tmp_path, text, code, line, column, says):
     "CIRCLE/20,20,5,0,0,1,10.018\nGOTO/20,30.018,5", "CIRCLE/20,20,5,0,0,1,10\nGOTO/20,29.982,5",
     "CIRCLE/30.022,20,5,0,0,1\nGOTO/30.022,20.022,5", "CIRCLE/20,20,5,0,0,1,10,.1,.1,1,0,TIMES,1000\nGOTO/30,20,0",
     "MOVARC/20,20,5,0,0,1,10,ANGLE,360000\nGOTO/30,20,0", "MOVARC/20,20,5,0,0,1,10,ANGLE,90.5\nGOTO/20,30,5",
-    "CIRCLE/20,20,5,0,0,1.0009,10\nGOTO/20,30,5", "CYCLE/DEEP,DEPTH,10,STEP,0.01001,CLEAR,1\nGOTO/1,2,3",
+    "CIRCLE/20,20,5,0,0,1.0009,10\nGOTO/20,30,5", "GOTO/1,2,3,0,0,1.0009\nGOTO/1,2,3,0,0,0.9991",
+    "MULTAX/OFF\nGOTO/1,2,3,0.0000007,0,1\nGOTO/1,2,3",
+    "TRNTYP/WORLD,0,0,0\nCSYS/0,0,1,0,0,-1,0,0,1,0,0,0\nGOTO/1,2,3,0,0,1\nGOTO/1,2,3",
+    "CYCLE/DEEP,DEPTH,10,STEP,0.01001,CLEAR,1\nGOTO/1,2,3",
     "TRACUT/1,0,0,5,0,1,0.000009,0,0,-0.000009,1,0\nGOTO/1,2,3",
     "INDIRV/0.85,0.527,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20,20,5,20,30,5)",
     "INDIRV/0,1,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20.018,20,5,20,30,5)",
@@ -215,3 +220,24 @@ def test_a_dwell_is_told_not_driven(tmp_path, dwell, remark):
     assert 1e3 * read.position[:, 2].min() == pytest.approx(-7)
     assert any("DWELL is not driven" in finding.message for finding in read.findings) == bool(dwell)
     assert [remark in text for texts in read.remarks.values() for text in texts if "DWELL" in text] == ([True] if dwell else [])
+
+
+@pytest.mark.parametrize(("cycle", "holes", "said"), [
+    ("DRILL,DEPTH,10,CLEAR,2,RTRCTO,20", 1, []), ("DRILL,DEPTH,10,CLEAR,2,RTRCTO,20", 2, []),
+    ("DEEP,DEPTH,10,STEP,4,CLEAR,2,RTRCTO,20", 1, ["chips"]), ("DRILL,DEPTH,10,CLEAR,2", 1, ["back"]),
+    ("DRILL,DEPTH,10,DWELL,1,CLEAR,2,RTRCTO,20", 1, ["dwell"]),
+    ("DEEP,DEPTH,10,STEP,4,DWELL,1,CLEAR,2", 2, ["chips", "back", "dwell"])])
+def test_holes_are_told_with_what_was_made_of_them(tmp_path, cycle, holes, said):
+    """From the first cycle on; of a part without any nothing is."""
+    words = {"chips": "chips are cleared up to the clearance, and the tool comes back in the air to 1 mm above the depth it "
+             "had reached", "dwell": "DWELL is not driven",
+             "back": "the tool goes back to the height it had before the cycle, for no RETURN or RTRCTO says how far"}
+    other = "GOTO/9,2,3\n" * (holes - 1)
+    (tmp_path / "part.apt").write_text(f"{HEAD}CYCLE/{cycle}\nGOTO/1,2,3\n{other}CYCLE/OFF\nGOTO/9,9,9\n")
+    [found] = [one for one in read_apt(tmp_path / "part.apt").findings if one.code == "CS2183"]
+    assert (found.level, found.line) == ("note", 4)
+    assert found.message.split("; ") == [
+        f"{holes} hole{'s' * (holes > 1)} of drilling cycles (from CYCLE/{cycle} on) became single moves, with a stop at the "
+        "bottom", *(words[one] for one in said)]
+    (tmp_path / "part.apt").write_text(f"{HEAD}CYCLE/{cycle}\nCYCLE/OFF\nGOTO/9,9,9\n")
+    assert "CS2183" not in [one.code for one in read_apt(tmp_path / "part.apt").findings]

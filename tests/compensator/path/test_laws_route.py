@@ -1,0 +1,124 @@
+"""The grid along a path, by forward kinematics of its own angles: lines, parabolas in corners, the turn of the tool with the
+way, and the derivatives of the joints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.path.legs import Poses
+from compensator.path.robot_path import RobotPath
+from compensator.path.route import Route, build_route
+from compensator.path.timing import joint_move_time
+from identification.model.kinematics import forward
+from identification.model.rotations import Frame, rotation_matrix
+from tests.compensator.path.test_laws_timing import DOWN, program, target, trapezoid
+from tests.support import robot
+
+
+def turning(tmp_path: Path, points: list[list[float]], turns: list[float], zone: str, speed: str = "v200") -> RobotPath:
+    """Straight moves to points [mm], the tool turned about the vertical by so many degrees there."""
+    at = [target(np.array(point), rotation_matrix(np.radians([0, 0, turn])) @ DOWN)
+          for point, turn in zip(points, turns, strict=True)]
+    return program(tmp_path, [f"Move{'L' if k else 'J'} {one},{speed},{zone},tSpindle;" for k, one in enumerate(at)])
+
+
+def driven(path: RobotPath) -> tuple[Route, np.ndarray, np.ndarray]:
+    """The grid, and by forward kinematics where the tool is there (K, 3) [mm] and how it is turned (K,) [degrees]."""
+    route = build_route(path, Poses(path.base_from_tcp, path.theta))
+    pose = forward(robot(), route.theta, Frame.identity()) @ path.flange_from_tcp[0]
+    turn = pose.rotation @ DOWN.T
+    np.testing.assert_allclose(turn[:, 2, 2], 1, atol=1e-9)
+    return route, 1e3 * pose.position, np.degrees(np.arctan2(turn[:, 1, 0], turn[:, 0, 0]))
+
+
+POINTS = [[1100, 0, 700], [1150, 0, 700], [1150, 50, 700], [1120, 50, 740], [1120, 20, 740]]
+TURNS = [0, 10, -5, -5, 12]
+
+
+@pytest.mark.parametrize(("zone", "radius"), [("z5", 5.0), ("z20", 15.0), ("z0", 0.3)])
+def test_corners_are_parabolas_and_the_tool_turns_with_the_way(tmp_path: Path, zone: str, radius: float) -> None:
+    """From the zone before the corner, x along the leg, to the zone behind it, y: sqrt(x) + sqrt(y) = sqrt(radius), of 20 mm as
+    much as half of the shorter leg of 30. At a point that lies x before and y behind its corner the tool is turned by so much
+    of both legs' turns, on the legs themselves as well."""
+    route, position, turn = driven(turning(tmp_path, POINTS, TURNS, zone))
+    corner = np.array(POINTS, dtype=float)
+    length = np.linalg.norm(np.diff(corner, axis=0), axis=1)
+    way = np.diff(corner, axis=0) / length[:, None]
+    rate = np.diff(TURNS) / length
+    zones = [min(20.0 if zone == "z20" else radius, length[k] / 2, length[k + 1] / 2) for k in range(3)]
+    inside = np.zeros(3, dtype=int)
+    for point, angle in zip(position, turn, strict=True):
+        near = []
+        for k, size in enumerate(zones):
+            (x, y), left, *_ = np.linalg.lstsq(np.column_stack([-way[k], way[k + 1]]), point - corner[k + 1], rcond=None)
+            if min(x, y) >= -1e-6 and max(x, y) <= size + 1e-6 and left < 1e-12:
+                near.append(k)
+                assert np.sqrt(max(x, 0)) + np.sqrt(max(y, 0)) == pytest.approx(np.sqrt(size), abs=2e-3)
+                assert angle == pytest.approx(TURNS[k + 1] - rate[k] * x + rate[k + 1] * y, abs=1e-6)
+        inside[near] += 1
+        if near:
+            continue
+        along = np.einsum("ni,ni->n", way, point - corner[:-1])
+        off = np.linalg.norm(point - corner[:-1] - along[:, None] * way, axis=1)
+        [leg] = np.flatnonzero((off < 1e-6) & (along > -1e-6) & (along < length + 1e-6))
+        assert angle == pytest.approx(TURNS[leg] + rate[leg] * along[leg], abs=1e-6)
+    assert (inside >= 13).all()
+    # Lengths are those of the way from point to point; it stands still at its ends alone.
+    np.testing.assert_allclose(1e3 * np.diff(route.s), np.linalg.norm(np.diff(position, axis=0), axis=1), atol=1e-6)
+    assert np.flatnonzero(route.stop).tolist() == [0, len(route.s) - 1]
+
+
+def test_a_slight_corner_is_one_point_with_the_curvature_of_its_parabola(tmp_path: Path) -> None:
+    """By 4 degrees at 10 mm/s: the joints' rates change over twice the zone, whatever stands next to it on the grid, and as
+    they do along both lines."""
+    bend = np.radians(4)
+    points = [[1100, 0, 700], [1150, 0, 700], [1150 + 50 * np.cos(bend), 50 * np.sin(bend), 700]]
+    path = turning(tmp_path, points, [0, 0, 0], "z5", "v10")
+    route, position, _ = driven(path)
+    [at] = np.flatnonzero(np.linalg.norm(position - points[1], axis=1) < 1e-6)
+    rates, curvatures = [], []
+    for way in (np.subtract(points[0], points[1]) / 50, np.subtract(points[2], points[1]) / 50):
+        near = [list(np.array(points[1]) + 2.0 * step * way) for step in range(3)]
+        here, one, two = turning(tmp_path, near, [0, 0, 0], "fine").theta
+        rates.append((-3 * here + 4 * one - two) / 4e-3)
+        curvatures.append((here - 2 * one + two) / 2e-3**2)
+    # rates[0] is against the way.
+    expected = (rates[1] + rates[0]) / (2 * 5e-3) + (curvatures[0] + curvatures[1]) / 2
+    np.testing.assert_allclose(route.d2theta_ds2[at], expected, rtol=0.02, atol=0.02)
+
+
+@pytest.mark.parametrize("zone", ["z5", "fine"])
+def test_the_derivatives_add_up_to_the_joints_angles(tmp_path: Path, zone: str) -> None:
+    """By the trapezoidal rule from stop to stop: the first to the angles, the second to the first."""
+    path = turning(tmp_path, POINTS, TURNS, zone)
+    route, _, _ = driven(path)
+    ends = np.flatnonzero(route.stop)
+    runs = ends.reshape(-1, 2)
+    assert len(runs) == (1 if zone == "z5" else 4)
+    for first, last in runs:
+        part = slice(first, last + 1)
+        s, theta, rate, change = route.s[part], route.theta[part], route.dtheta_ds[part], route.d2theta_ds2[part]
+        step = np.diff(s)[:, None]
+        summed = np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step, axis=0)
+        scale = np.abs(rate).max() * (s[-1] - s[0])
+        np.testing.assert_allclose(summed, theta[1:] - theta[0], atol=2e-3 * scale)
+        inner = slice(1, -1)
+        summed = np.cumsum(0.5 * (change[inner][1:] + change[inner][:-1]) * step[1:-1], axis=0)
+        np.testing.assert_allclose(summed, rate[inner][1:] - rate[1], atol=0.03 * np.abs(rate).max())
+        np.testing.assert_array_equal(change[[0, -1]], 0)
+
+
+@pytest.mark.parametrize(("length", "feed"), [(0.4, 0.2), (0.4, np.nan), (0.4, 0.0), (0.0, 0.2), (0.05, 5.0), (0.4, 3.0)])
+def test_a_joint_move_goes_no_faster_on_average_than_its_feed(length: float, feed: float) -> None:
+    """As a share of the move: the slowest joint's trapezoid, its highest rate no more than feed over length where both are
+    known. All axes in step."""
+    model, step = robot(), np.radians([[30.0, -20, 10, 0, 5, 90]])
+    rate, push = (float(np.min(limit[np.abs(step[0]) > 0] / np.abs(step[0][np.abs(step[0]) > 0])))
+                  for limit in (model.speed, model.acceleration))
+    if length > 0 and feed > 0:
+        rate = min(rate, feed / length)
+    found = joint_move_time(model, step, np.array([length]), np.array([feed]))
+    np.testing.assert_allclose(found, trapezoid(1.0, rate, push), rtol=1e-9)
