@@ -1,4 +1,4 @@
-"""What the stiffness file of a diagnosis carries by its verdict: springs, effects of the robot, and whether they may be used."""
+"""What the stiffness file of a diagnosis carries by its verdict: springs, effects of the robot, and whether it may be used."""
 
 from __future__ import annotations
 

@@ -210,10 +210,23 @@ def test_a_bad_pose_is_a_cause_of_the_file_and_of_the_report(adequate: Diagnosis
     assert judged(adequate, verdict="unknown", bad_visits=said.judgement.bad_visits).lines()[0].startswith("seen: ")
 
 
-@pytest.mark.parametrize(("rows", "said"), [([4], "it was left out. "), ([4, 5], "they were left out. ")])
-def test_a_pose_of_one_reading_is_told_in_the_singular(adequate: Diagnosis, rows: list[int], said: str) -> None:
+@pytest.mark.parametrize(("rows", "said", "dropped"), [
+    ([4], "it was left out. ", "the reading of P7"), ([4, 5], "they were left out. ", "the 2 readings of P7")])
+def test_a_pose_of_one_reading_is_told_in_the_singular(adequate: Diagnosis, rows: list[int], said: str, dropped: str) -> None:
     score = VisitScore("P7", np.array(rows), 44, 0, 5.0, 0.002, 0.5, NOTHING, NOTHING + 1)
-    assert said in judged(adequate, verdict="named", bad_visits=(BadVisit(score, (), ""),)).lines()[0]
+    found = judged(adequate, verdict="named", bad_visits=(BadVisit(score, (), ""),))
+    assert said in found.lines()[0]
+    assert found.judgement.dropped == (dropped, len(rows))
+    assert steps_of(found, Path("x.json"))[0].words == f"Measure again: {dropped}. What comes back is no slip."
+
+
+def test_of_many_readings_left_out_four_are_told_by_name(adequate: Diagnosis) -> None:
+    scores = [VisitScore(f"P{k}", np.arange(2), 9, 0, 5.0, 0.002, 0.5, NOTHING, NOTHING + 1) for k in range(3)]
+    visits, rows = tuple(BadVisit(score, (), "") for score in scores), tuple(
+        BadRow(row, row + 1, NOTHING, NOTHING + 1, 0.001) for row in (7, 8, 9))
+    every = "the 2 readings of P0, the 2 readings of P1, the 2 readings of P2, row 7"
+    for some, told in ((rows[:1], (every, 7)), (rows, (f"{every} and 2 more", 9))):
+        assert judged(adequate, verdict="named", bad_visits=visits, bad_rows=some).judgement.dropped == told
 
 
 GAIN = Gain(9e-6, 3e-6, (2.0, 4.0), "validate", 10.0, np.ones((2, 1)), ("P01",))
