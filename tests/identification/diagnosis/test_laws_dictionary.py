@@ -28,7 +28,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadState, NoiseMode
 
 
 def test_columns_are_what_a_term_with_their_coefficients_does(made: tuple[LoadState, NoiseModel, Dictionary]) -> None:
-    """As the rows see it, in typical sizes, where it enters linearly: of a hundredth of them nearly all do."""
+    """As the rows see it, in typical sizes; of a hundredth of these all that an effect does is in proportion to them."""
     state, noise, dictionary = made
     rng, off = np.random.default_rng(5), {}
     for s in range(len(dictionary.signatures)):
@@ -43,11 +43,11 @@ def test_columns_are_what_a_term_with_their_coefficients_does(made: tuple[LoadSt
         does = noise.whitened(term.contribution(state, term.start)[:, :3, None])
         told = columns @ coefficients
         off[s] = np.linalg.norm(does[:, :, 0] - told) / max(float(np.linalg.norm(told)), 1e-12)
-    straight = np.array(list(off.values())) < 0.05
-    assert straight.mean() > 0.6
-    # Each law of every effect that is one is among them.
-    names = {dictionary.entries[dictionary.entry_of[s]].effect.name for s, value in off.items() if value < 0.05}
-    assert {"base_rocking", "bearing_tilt", "spindle_compliance", "force_gain", "encoder_zero", "drift"} <= names
+    # A rod that carries less is told by a chord as well; what no load of these tells from springs has no columns.
+    for s, value in off.items():
+        effect = dictionary.signatures[s].effect
+        assert value < 0.05 or effect.stored == "parallelogram" or (
+            effect.name == "hysteresis" and not dictionary.of(s).any()), effect.stored
 
 
 def test_it_holds_each_effect_at_each_of_its_places_or_says_why_not(made: tuple[LoadState, NoiseModel, Dictionary]) -> None:
