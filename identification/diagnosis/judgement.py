@@ -145,7 +145,8 @@ class Judgement:
     @property
     def dropped(self) -> tuple[str, int]:
         """Which readings do not fit the others and are not among `rows`, in words, and how many; the first few of many."""
-        named = [f"the {len(bad.score.rows)} readings of {bad.score.name}" for bad in self.bad_visits]
+        named = [f"the {'reading' if len(bad.score.rows) == 1 else f'{len(bad.score.rows)} readings'} of {bad.score.name}"
+                 for bad in self.bad_visits]
         named += [f"row {bad.row}" for bad in self.bad_rows]
         count = sum(len(bad.score.rows) for bad in self.bad_visits) + len(self.bad_rows)
         return ", ".join(named[:MOST_NAMED]) + (f" and {len(named) - MOST_NAMED} more" if named[MOST_NAMED:] else ""), count

@@ -23,7 +23,7 @@ from identification.diagnosis.judgement import Cause
 from identification.diagnosis.mended import MendedFile, mended_file
 from identification.diagnosis.next_steps import steps_of
 from identification.diagnosis.pages import _ordered, diagnosis_report
-from identification.diagnosis.record import next_words
+from identification.diagnosis.record import checks_of, next_words
 from identification.diagnosis.share import share_of
 from identification.diagnosis.swing import Swing
 from identification.diagnosis.unsettled import Unsettled
@@ -33,6 +33,7 @@ from identification.fit.mending import BadVisit, Mend
 from identification.fit.mistakes.judge import NamedMistake
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.search import Candidate
+from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.visits import VisitScore, VisitTest
 from identification.measurements import read_measurements
@@ -210,10 +211,23 @@ def test_a_bad_pose_is_a_cause_of_the_file_and_of_the_report(adequate: Diagnosis
     assert judged(adequate, verdict="unknown", bad_visits=said.judgement.bad_visits).lines()[0].startswith("seen: ")
 
 
-@pytest.mark.parametrize(("rows", "said"), [([4], "it was left out. "), ([4, 5], "they were left out. ")])
-def test_a_pose_of_one_reading_is_told_in_the_singular(adequate: Diagnosis, rows: list[int], said: str) -> None:
+@pytest.mark.parametrize(("rows", "said", "dropped"), [
+    ([4], "it was left out. ", "the reading of P7"), ([4, 5], "they were left out. ", "the 2 readings of P7")])
+def test_a_pose_of_one_reading_is_told_in_the_singular(adequate: Diagnosis, rows: list[int], said: str, dropped: str) -> None:
     score = VisitScore("P7", np.array(rows), 44, 0, 5.0, 0.002, 0.5, NOTHING, NOTHING + 1)
-    assert said in judged(adequate, verdict="named", bad_visits=(BadVisit(score, (), ""),)).lines()[0]
+    found = judged(adequate, verdict="named", bad_visits=(BadVisit(score, (), ""),))
+    assert said in found.lines()[0]
+    assert found.judgement.dropped == (dropped, len(rows))
+    assert steps_of(found, Path("x.json"))[0].words == f"Measure again: {dropped}. What comes back is no slip."
+
+
+def test_of_many_readings_left_out_four_are_told_by_name(adequate: Diagnosis) -> None:
+    scores = [VisitScore(f"P{k}", np.arange(2), 9, 0, 5.0, 0.002, 0.5, NOTHING, NOTHING + 1) for k in range(3)]
+    visits, rows = tuple(BadVisit(score, (), "") for score in scores), tuple(
+        BadRow(row, row + 1, NOTHING, NOTHING + 1, 0.001) for row in (7, 8, 9))
+    every = "the 2 readings of P0, the 2 readings of P1, the 2 readings of P2, row 7"
+    for some, told in ((rows[:1], (every, 7)), (rows, (f"{every} and 2 more", 9))):
+        assert judged(adequate, verdict="named", bad_visits=visits, bad_rows=some).judgement.dropped == told
 
 
 GAIN = Gain(9e-6, 3e-6, (2.0, 4.0), "validate", 10.0, np.ones((2, 1)), ("P01",))
@@ -403,3 +417,62 @@ def test_a_cell_file_that_cannot_be_mended_is_said(tmp_path: Path, tool: str, wr
     assert (found.code, found.file) == ("CS1705", str(file))
     assert found.message == "tool.position_mm could not be changed in this file"
     assert found.hint == "write [121.5, 0, 250] there by hand"
+
+
+def test_the_record_s_numbers_are_those_of_the_rows(adequate: Diagnosis, two: Posterior) -> None:
+    """In the units that docs/formats.md names: by plain sums over what the models leave."""
+    cause, small = Cause(effects()["backlash"], 2, 0.971, {"soft_zone": 0.3}), Cause(effects()["creep"], None, 0.4)
+    other = Cause(effects()["drift"], None, 0.1)
+    found = judged(adequate, verdict="named", extended=two, causes=(cause,), companions=(small,), alternatives=(other,),
+                   gain=GAIN, showing=(), robot_difference=3.31e-6, log_odds=23.0, adequacy=Detection(0.4, 0.001, {}, 3.0),
+                   law_differs=True, thinning=Thinning(600, 80, 9.0), patterns=("a pattern",), lost=("creep",),
+                   scatter={"sensor noise": 2.5})
+    content, plain = found.as_dict(), found.judgement.plain
+    rows = plain.data.rows
+    left = rows.deflection - plain.predicted(plain.data)
+    assert content["misfit"] == {
+        "rms_um": pytest.approx(1e6 * np.sqrt(np.mean(left**2))), "p_value": found.judgement.detection.p_value,
+        "p_resolution": found.judgement.detection.resolution,
+        "expected_rms_um": pytest.approx(1e6 * np.sqrt(np.mean(residual_std(plain.data, two.components, two.compliance) ** 2)))}
+    (backlash,), (creep,) = content["causes"], content["companions"]
+    spread = np.sqrt(np.diag(two.covariance))
+    assert backlash["parameters"] == {"half_gap_rad": {
+        "estimate": pytest.approx(two.mean[6]), "std": pytest.approx(spread[6]), "unit": "rad"}}
+    assert [one["std"] for one in creep["parameters"].values()] == pytest.approx(spread[7:])
+    for one, term, values in zip((backlash, creep), two.terms, two.term_values, strict=True):
+        moved = term.contribution(two.load_state, values)[:, :3]
+        assert one["largest_um"] == pytest.approx(1e6 * np.sqrt(np.max(np.sum(moved**2, axis=1))))
+        assert (one["effect"], one["joint"], one["of_robot"]) == (term.effect.name, term.joint, term.effect.of_robot)
+    assert (backlash["probability"], backlash["open_laws"]) == (0.971, {"soft_zone": 0.3})
+    assert content["alternatives"] == [{"effect": "drift", "joint": None, "probability": 0.1}]
+    assert content["gain"] == {"rms_before_um": pytest.approx(9.0), "rms_after_um": pytest.approx(3.0),
+                               "ratio": pytest.approx(3.0), "interval": [2.0, 4.0], "held_out": "validate"}
+    told = {"verdict": "named", "adequacy_p_value": 0.4, "effective_rows": pytest.approx(600 / 9.0), "law_differs": True,
+            "correction_difference_um": pytest.approx(3.31), "log10_odds_against_nothing": pytest.approx(23.0 / np.log(10)),
+            "rows_looked_at": len(rows), "patterns": ["a pattern"], "not_converged": ["creep"],
+            "noise_beyond_stated": {"sensor noise": 2.5}}
+    assert {name: content[name] for name in told} == told
+
+
+@pytest.mark.parametrize("odds", [None, np.inf])
+def test_odds_that_are_not_known_are_null(adequate: Diagnosis, odds: float | None) -> None:
+    content = judged(adequate, log_odds=odds).as_dict()
+    assert (content["log10_odds_against_nothing"], content["effective_rows"], content["correction_difference_um"]) == (
+        None, None, None)
+
+
+def test_the_visit_that_stands_out_most_is_recorded(adequate: Diagnosis) -> None:
+    scores = tuple(VisitScore(f"P{k}", np.array([k + 1]), k + 2, 0, surprise, 0.1, 0.5, NOTHING, NOTHING + 1)
+                   for k, surprise in enumerate((1.0, 4.0, 2.0)))
+    visits = judged(adequate, visits=VisitTest(scores, 0.1, 0.001)).as_dict()["visits"]
+    assert (visits["worst"]["pose"], visits["p_value"], visits["p_resolution"], visits["too_many"]) == ("P1", 0.1, 0.001, False)
+    assert judged(adequate, visits=VisitTest((), 1.0, 1.0)).as_dict()["visits"] is None
+
+
+@pytest.mark.parametrize(("probability", "listed"), [(0.021, True), (0.019, False)])
+def test_checks_of_what_is_left_are_told_from_a_fiftieth_on(adequate: Diagnosis, probability: float, listed: bool) -> None:
+    """Once each, with all that a check tells of."""
+    causes = (Cause(effects()["backlash"], 2, 0.5), Cause(effects()["backlash"], 3, probability))
+    items = judged(adequate, verdict="unknown", alternatives=causes).as_dict()["next_measurements"]
+    assert [item["about"] for item in items] == ["backlash[2]", "backlash[3]"][: 1 + listed]
+    assert checks_of(items) == [(effects()["backlash"].settles, "backlash of joint 2" + ", backlash of joint 3" * listed)]

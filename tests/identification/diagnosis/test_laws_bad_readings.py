@@ -302,7 +302,8 @@ def test_a_pose_is_suspected_all_of_whose_readings_a_cause_touches_and_no_other(
     monkeypatch.setattr(slips_rather, "posterior", lambda data, terms, near: [term.effect.name for term in terms])
     test = SimpleNamespace(rest="rest")
     monkeypatch.setattr(slips_rather, "bad_visits", lambda model, seed: test if (model, seed) == (["play"], 5) else None)
-    bad = [SimpleNamespace(score=SimpleNamespace(name=name)) for name in ("pose of rows [2, 3]", "another")]
+    bad = [SimpleNamespace(score=SimpleNamespace(name=name)) for name in (
+        "pose of rows [2, 3]", "pose of rows [2]", "pose of rows [1, 2, 3]", "another")]
     monkeypatch.setattr(slips_rather, "with_mends", lambda *of: bad)
     judgement: Any = Said(verdict, extended=fitted)
     assert suspected(judgement, 5).visits == ((bad[0],) if found else ())

@@ -360,9 +360,9 @@ class One:
 
 
 def named(monkeypatch: pytest.MonkeyPatch, *, difference_um: float = 0.0, far: float = 1.0, share: float = 1.0,
-          others: Sequence[float] = ()) -> Any:
+          others: Sequence[float] = (), p_value: float = 0.001, **answers: Any) -> Any:
     """What becomes of a set of one cause with this share of the probability, the rest of it with another law of the same gear;
-    others: probabilities of causes beside."""
+    others: probabilities of causes beside; p_value: of the misfit by chance; answers: of other steps than usual."""
     play = One("play", share, SimpleNamespace(name="play"))
     names = (play, *(One(f"other {k}", value) for k, value in enumerate(others)))
     best: Any = SimpleNamespace(key=frozenset({0}), probability=share, log_evidence=9.0)
@@ -375,13 +375,36 @@ def named(monkeypatch: pytest.MonkeyPatch, *, difference_um: float = 0.0, far: f
             ("with_open_laws", (replace(play, probability=0.99, open_laws={"soft": 0.4}),)), ("with_free_laws", "free"),
             ("robot_difference", 1e-6 * difference_um), ("far_off", far), ("of_nothing", set()), ("log_odds", 99.0),
             ("only_local", False), ("told_by_one_visit", False), ("gain", SimpleNamespace(support=99.0, held_out="poses"))):
-        monkeypatch.setattr(procedure, name, lambda *of, answer=answer: answer)
+        given = answers.get(name, answer)
+        monkeypatch.setattr(procedure, name, lambda *of, answer=given: answer)
     monkeypatch.setattr(procedure, "replace", lambda thing, **changed: thing if thing is seen else replace(thing, **changed))
     monkeypatch.setattr(Procedure, "ambiguous", lambda *of: Told(verdict="ambiguous"))
-    detection = SimpleNamespace(p_value=0.001, resolution=0.001, seen_patterns=())
+    detection = SimpleNamespace(p_value=p_value, resolution=0.001, seen_patterns=("a pattern",))
     judgement: Any = Told(extended, SimpleNamespace(components=VarianceComponents(), data=None), detection)
     nothing: Any = None
     return Procedure(nothing, {}, 0.05, 10, 0).with_names(judgement, seen, best, frozenset())
+
+
+UNHELPFUL = SimpleNamespace(support=-4.0, held_out="poses")
+
+
+@pytest.mark.parametrize(("p_value", "answers", "why"), [
+    (0.001, {"of_nothing": {"play"}}, "all its parameters lie within two of their standard deviations of nothing"),
+    (0.001, {"log_odds": -1.0}, "a larger noise explains the readings as well as it does"),
+    (0.02, {"log_odds": 5.0}, "2.0% of data sets without any cause show as much: too many for a name"),
+    (0.02, {"log_odds": 7.0}, ""),
+    (0.02, {"only_local": True}, "2.0% of data sets without any cause show as much: too many for a name"),
+    (0.001, {"gain": UNHELPFUL}, "it makes readings that were not fitted (poses) less likely, by a factor 55"),
+    (0.001, {"gain": UNHELPFUL, "only_local": True}, ""), (0.001, {"gain": UNHELPFUL, "told_by_one_visit": True}, "")])
+def test_a_name_that_is_withdrawn_says_why(monkeypatch: pytest.MonkeyPatch, p_value: float, answers: dict[str, Any], why: str
+                                           ) -> None:
+    """What touches one pose alone needs an alarm, and no reading at another pose can speak for it or against it."""
+    found = named(monkeypatch, p_value=p_value, **answers)
+    assert found.verdict == ("unknown" if why else "named")
+    if why:
+        assert found.withdrawn == {"play": why}
+        assert found.patterns == ("a pattern",)
+        assert [cause.label for cause in found.alternatives] == ["play"]
 
 
 @pytest.mark.parametrize(("sets", "verdict"), [

@@ -117,6 +117,22 @@ def test_causes_stand_beside_mistakes_that_are_about_as_likely(first: float, kep
         assert found.alternatives == (("a cause",) if kept else ())
 
 
+@pytest.mark.parametrize(("verdict", "beside_it"), [("named", True), ("unknown", False)])
+def test_mistakes_that_are_not_likely_enough_to_be_named_stand_beside_a_name_alone(verdict: str, beside_it: bool) -> None:
+    slight = (SimpleNamespace(candidate=SimpleNamespace(log_posterior=49.0)),)
+    judgement: Any = Named(verdict, alternatives=("the nearest",))
+    found = beside(judgement, Mistakes((), (), None, slight), 50.0)
+    assert (found.verdict, found.mistakes) == (("ambiguous", slight) if beside_it else (verdict, ()))
+
+
+@pytest.mark.parametrize(("causes", "open_"), [(("a cause",), True), ((), False)])
+def test_one_mistake_and_nothing_else_are_no_choice(causes: tuple[str, ...], open_: bool) -> None:
+    mistake = (SimpleNamespace(candidate=SimpleNamespace(log_posterior=60.0)),)
+    judgement: Any = Named("unknown", causes=(), alternatives=causes)
+    found = beside(judgement, Mistakes((), mistake, None), 50.0)
+    assert (found.verdict, found.alternatives) == (("ambiguous", causes) if open_ else ("unknown", causes))
+
+
 @dataclass(frozen=True)
 class Open:
     """A judgement with a misfit, as far as a set of names asks."""
