@@ -87,9 +87,9 @@ def place_points(points: MeasuredPoints, predicted: Predicted, radius: float, wi
         *left_out(points, far, "CS5305", f"more than {1e3 * within:g} mm from the cutting path (the farthest "
                   f"{1e3 * float(np.nanmax(np.where(far, distance, 0.0))):.3g} mm)",
                   "points on the surface need --tool-radius-mm and normals; else --within-mm"),
-        *left_out(points, ~far & ambiguous, "CS5306", "are as near to two places of the path: which one cut them is not known",
+        *left_out(points, ~far & ambiguous, "CS5306", "near two places of the path alike, so that which one cut is not known",
                   "name the target in a column target"),
-        *left_out(points, without, "CS5307", "were cut where the log shows no force", "leave points of the entry out"),
+        *left_out(points, without, "CS5307", "cut where the log shows no force", "leave points of the entry out"),
     ]
     kept = np.flatnonzero(~lost)
     if otherwise or lost.sum() > MOST_LOST * len(points) or not len(kept):

@@ -31,7 +31,7 @@ FACTOR, NEAR = 6.0, 2.5
 # From here on no fit is needed to call it a unit: no robot, and none that the fit itself would find (units.py).
 ABSURD = 1e5
 PRIOR = ", and the prior's stiffnesses with N m/rad"
-METRES = (1e6, "in m, not in um", 0.05)
+METRES = (1e6, "in m, not in um")
 # Readings of so many rows without a load are looked at, and told from this part of the loaded ones' on: friction and play hold
 # less (engineering judgement).
 FEW, STILL = 3, 0.5
@@ -175,6 +175,6 @@ def _too(smaller: float) -> str:
 
 def _unit(smaller: float) -> str:
     """The units that are near."""
-    words = [f"deflections {text}" for factor, text, _ in (*DEFLECTION_UNITS, METRES) if 1 / NEAR < smaller / factor < NEAR]
+    words = [f"deflections {text}" for factor, text, *_ in (*DEFLECTION_UNITS, METRES) if 1 / NEAR < smaller / factor < NEAR]
     words += [f"forces {text}" for factor, text, _ in FORCE_UNITS if 1 / NEAR < smaller * factor < NEAR]
     return f": {' or '.join(words)}?" if words else ""

@@ -89,7 +89,7 @@ def test_points_that_two_places_may_have_cut_are_left_out(tracks: TwoTracks, tmp
     found = left_out(placed, "CS5306")
     assert (10 in placed.rows) == (not said)
     assert [(finding.level, finding.line, finding.message) for finding in found] == ([(
-        "warning", 12, "1 point of 11 are as near to two places of the path: which one cut them is not known: left out")]
+        "warning", 12, "1 point of 11 near two places of the path alike, so that which one cut is not known: left out")]
         if said else [])
     # The target that it names says which.
     placed = placed_beside(tracks, tmp_path / "p.csv", [(x, y)], named=1 + np.round(x))
@@ -109,7 +109,7 @@ def test_points_of_targets_to_which_nothing_was_cut_are_left_out(
         assert stands == pytest.approx(target - 1)
     assert (10 in placed.rows) == (not said)
     assert [(finding.file, finding.line, finding.message) for finding in left_out(placed, "CS5307")] == ([(
-        str(tmp_path / "p.csv"), 12, "1 point of 11 were cut where the log shows no force: left out")] if said else [])
+        str(tmp_path / "p.csv"), 12, "1 point of 11 cut where the log shows no force: left out")] if said else [])
 
 
 @pytest.mark.parametrize("lost", [4, 5])
