@@ -112,6 +112,33 @@ def test_what_a_spreadsheet_leaves_behind_a_table_is_nothing(tmp_path: Path, mar
         read_table(file, required=NAMES)
 
 
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_rows_without_a_word_are_none_and_an_empty_cell_is_no_number(tmp_path: Path, read, mark: str) -> None:
+    """Behind a table or in it, of a long one too."""
+    file, rows = tmp_path / "table.csv", ["a_mm,b_mm", "1.5,2", " ,", "-3,0.25", ",", ","]
+    file.write_text("\n".join(rows).replace(",", mark) + "\n")
+    table = read(file)
+    np.testing.assert_array_equal([table["a_mm"], table["b_mm"]], [[1.5, -3], [2, 0.25]])
+    file.write_text("\n".join([*rows[:4], "4,"]).replace(",", mark) + "\n")
+    with pytest.raises(CompstiffError) as stopped:
+        read(file)
+    assert [(one.code, one.line, one.column) for one in stopped.value.findings] == [("CS0203", 5, 2)]
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", " "])
+@pytest.mark.parametrize("cell", ["TRUE", "true", "False"])
+def test_true_is_no_number(tmp_path: Path, mark: str, cell: str) -> None:
+    """Of a valve that cell.yaml has for a force; in a column that is not read it may stand."""
+    file = tmp_path / "log.csv"
+    file.write_text(f"time_s,valve,fx_n\n0.1,{cell},2\n0.2,{cell},3\n".replace(",", mark))
+    layout = read_layout(file)
+    [(numbers, _)] = list(text_blocks(file, layout, ("time_s", "fx_n")))
+    np.testing.assert_array_equal(numbers["fx_n"], [2, 3])
+    with pytest.raises(CompstiffError) as stopped:
+        list(text_blocks(file, layout, ("time_s", "valve")))
+    assert [(one.code, one.line, one.column) for one in stopped.value.findings] == [("CS0203", 2, 2), ("CS0203", 3, 2)]
+
+
 @pytest.mark.parametrize(("rows", "says"), [
     ('"1,500","2,125"\n"3,125","4,375"\n', "may be a decimal comma or separate thousands (4 such cells)"),
     ('"1,5",2\n3.5,4\n', "stands beside numbers with a point (1 such cell)"),
