@@ -36,7 +36,7 @@ def _occurrences(block: bytes, mark: str) -> int:
 
 def text_blocks(file: Path, layout: Layout, wanted: Sequence[str]) -> Iterator[tuple[dict[str, Array], Indices]]:
     """The wanted columns and the line of each row, block by block. Raises CompstiffError: CS0201 (a row of another width, not
-    text), CS0203 (not a finite number, or a point between thousands) with line and column."""
+    text), CS0203 (not a finite number, or a mark that may be of thousands) with line and column."""
     line = layout.line
     with opened(file) as stream:
         stream.seek(layout.start)

@@ -77,6 +77,26 @@ def test_a_point_of_thousands_is_not_a_decimal_one(tmp_path: Path, read, cell: s
     np.testing.assert_array_equal(read(file)["a_mm"], [15.209, -1.112])
 
 
+@pytest.mark.parametrize("mark", [";", "\t"])
+@pytest.mark.parametrize(("rows", "right"), [
+    ("0.5;1,234\n2;3\n", None), ('0.5;"1,234"\n2;3\n', None), ("2;3\n-0.5;-12,345,678\n", None), ("0.5;1,25\n2;3\n", [1.25, 3]),
+    ("0.5;1,234\n2;0,5\n", [1.234, 0.5]), ("0.5;1234\n2;3\n", [1234, 3]), ("5;1,234\n2;3\n", [1.234, 3]),
+    ("0.5;0,234\n2;3\n", [0.234, 3])])
+def test_a_comma_of_thousands_is_not_a_decimal_one(tmp_path: Path, read, mark: str, rows: str, right) -> None:
+    """Beside decimal points, where no other comma is certainly a decimal one: tabs between the cells, as an English spreadsheet
+    writes them."""
+    file = tmp_path / "table.csv"
+    file.write_text(f"a_mm;b_mm\n{rows}".replace(";", mark))
+    if right is not None:
+        np.testing.assert_array_equal(read(file)["b_mm"], right)
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read(file)
+    [found] = stopped.value.findings
+    assert (found.code, found.line, found.column) == ("CS0203", 2 if rows[0] == "0" else 3, 2)
+    assert "separates thousands, or is a decimal one where other cells have decimal points" in found.message
+
+
 @pytest.mark.parametrize("mark", [";", "\t", "  "])
 @pytest.mark.parametrize(("cell", "column"), [("1.234", 2), ("1.234", 4), ("1234", None), ("0.234", None)])
 def test_a_force_of_a_thousand_newtons_is_not_read_as_one(tmp_path: Path, mark: str, cell: str, column: int | None) -> None:
