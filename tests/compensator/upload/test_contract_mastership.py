@@ -104,3 +104,14 @@ def test_a_file_that_is_not_there_is_none_and_one_that_may_not_be_read_is_told()
     assert Remote(answering(404)).read("$HOME/part.mod") is None
     with pytest.raises(Answered, match="HTTP 403"):
         Remote(answering(403)).read("$HOME/part.mod")
+
+
+@pytest.mark.parametrize(("status", "code", "meant"), [
+    (400, -1, True), (399, -1, False), (499, -1, True), (500, -1, False), (400, None, False), (404, 0, True)])
+def test_a_controller_means_what_it_refuses_with_a_code_of_its_own(status: int, code: int | None, meant: bool) -> None:
+    """Of the statuses that are the caller's fault, and the only ones by which mastership is refused."""
+    assert Answered(status, code).meant == meant
+    session: Any = Master(Answered(status, code), *[None] * (not meant))
+    with pytest.raises(Answered) as stopped, Remote(session).mastership():
+        pass
+    assert isinstance(stopped.value, MastershipRefused) == (400 <= status < 500)

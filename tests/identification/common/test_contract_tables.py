@@ -397,3 +397,18 @@ def test_a_log_of_words_alone_has_no_line_of_numbers(tmp_path: Path) -> None:
         read_layout(tmp_path / "log.csv", ("time_s", "fx_n", "fy_n", "fz_n"))
     (finding,) = stopped.value.findings
     assert (finding.code, finding.line, finding.message) == ("CS0201", 2, "no line of numbers was found")
+
+
+@pytest.mark.parametrize(("cell", "refused"), [("-2e+19", True), ("2e+19", True), ("-5e18", False), ("5e18", False)])
+def test_a_number_beyond_1e19_is_none(tmp_path: Path, read, cell: str, refused: bool) -> None:
+    """Alone in its column, of either sign."""
+    file = tmp_path / "table.csv"
+    file.write_text(f"a_mm,b_mm\n1,{cell}\n")
+    if not refused:
+        assert read(file)["b_mm"].tolist() == [float(cell)]
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read(file)
+    [found] = stopped.value.findings
+    assert (found.code, found.line, found.column) == ("CS0203", 2, 2)
+    assert found.message == f"column 'b_mm': found '{cell}', expected a finite number up to 1e+19 in size"
