@@ -61,8 +61,8 @@ def test_zeros_where_nothing_was_measured_are_found(step: float, components: int
     (100, 12, 0, 0.1, False)])
 def test_zeros_are_typed_from_four_and_two_per_cent_on_where_chance_and_their_neighbours_do_not_make_them(
         count: int, zeros: int, beside: int, sigma: float, told: bool) -> None:
-    """In steps of a micrometre, of which 0.4 / sigma lie at zero by chance, each time: three times as many must be there. Beside
-    zero, a step off, are under a third as many. A component that was not measured is none."""
+    """In steps of a micrometre, of which 0.4 / sigma lie at zero by chance, each time: three times as many must be there.
+    Beside zero, a step off, are under a third as many. A component that was not measured is none."""
     values = np.full((count, 2), np.nan)
     values[:, 0] = 50 + np.arange(count) % 30
     values[:beside, 0] = np.where(np.arange(beside) % 2, 1, -1)
