@@ -79,7 +79,8 @@ def test_a_folder_that_is_none_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("beside", "near"), [
     (("part1_forces.csv",), "part1_forces.csv"), (("Part1.Forces.CSV",), "Part1.Forces.CSV"),
-    (("part1.force.csv",), "part1.force.csv"), ((), ""), (("part1.csv",), ""), (("forces.csv",), ""), (("other.forces.csv",), ""), (("part1_forces.txt",), ""),
+    (("part1.force.csv",), "part1.force.csv"), ((), ""),
+    (("part1.csv",), ""), (("forces.csv",), ""), (("other.forces.csv",), ""), (("part1_forces.txt",), ""),
     (("part10.mod", "part10.forces.csv"), ""), (("PART10.MOD", "part10_forces.csv"), ""),
     (("part10.forces.csv",), "part10.forces.csv"),
     (("part10.mod", "part10.forces.csv", "part1-force.parquet"), "part1-force.parquet")])
