@@ -412,3 +412,17 @@ def test_a_number_beyond_1e19_is_none(tmp_path: Path, read, cell: str, refused: 
     [found] = stopped.value.findings
     assert (found.code, found.line, found.column) == ("CS0203", 2, 2)
     assert found.message == f"column 'b_mm': found '{cell}', expected a finite number up to 1e+19 in size"
+
+
+@pytest.mark.parametrize(("reader", "column", "offered"), [
+    (read_table, "time_s", True), (read_table, "dwell_s", False), (read_force_log, "time_s", False)])
+def test_times_by_the_clock_are_offered_where_they_would_be_read(tmp_path: Path, reader, column: str, offered: bool) -> None:
+    """Not to who has them already, in a log: there they are refused."""
+    times = ["08:14:07", "08:14:08" if reader is read_force_log else "about 08:14:08"]
+    file = tmp_path / "table.csv"
+    file.write_text(f"{column},fx_n,fy_n,fz_n\n" + "".join(f"{time},1,2,3\n" for time in times))
+    with pytest.raises(CompstiffError) as stopped:
+        reader(file, **({"required": (column,)} if reader is read_table else {}))
+    assert {one.hint for one in stopped.value.findings} == {
+        "write times as seconds in one number, from any start" + ", or all of them as hh:mm:ss" * offered}
+
