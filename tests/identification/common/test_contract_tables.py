@@ -97,6 +97,16 @@ def test_a_comma_of_thousands_is_not_a_decimal_one(tmp_path: Path, read, mark: s
     assert "separates thousands, or is a decimal one where other cells have decimal points" in found.message
 
 
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_a_comma_in_a_note_says_nothing_of_numbers(tmp_path: Path, read, mark: str) -> None:
+    file = tmp_path / "table.csv"
+    file.write_text("a_mm;b_mm;note\n1.234;0.5;at 1,5 mm\n-12.345;2;\n".replace(";", mark))
+    np.testing.assert_array_equal(read(file)["a_mm"], [1.234, -12.345])
+    file.write_text("a_mm;b_mm;note\n1.234;0,5;at 1,5 mm\n-12.345;2;\n".replace(";", mark))
+    with pytest.raises(CompstiffError, match=r"the point in '1\.234' separates thousands"):
+        read(file)
+
+
 @pytest.mark.parametrize("mark", [";", "\t", "  "])
 @pytest.mark.parametrize(("cell", "column"), [("1.234", 2), ("1.234", 4), ("1234", None), ("0.234", None)])
 def test_a_force_of_a_thousand_newtons_is_not_read_as_one(tmp_path: Path, mark: str, cell: str, column: int | None) -> None:
