@@ -210,13 +210,14 @@ def _measurements(file: Path, cell: Cell, settings: Settings) -> tuple[str, tupl
             raise
         plan = None
     if plan is None or np.isnan(plan.deflection).all():
-        return f"{count} rows, none filled in", (*(plan.findings if plan else ()), Finding(
+        return f"{counted(count, 'row')}, none filled in", (*(plan.findings if plan else ()), Finding(
             "CS0112", "note", "no deflection is filled in yet" if plan else "no row is filled in yet", file=str(file),
             hint="measure, then write dx_um dy_um dz_um into every row, the zero readings too"))
     rows = read_measurements(file, cell)
     implausible = first_look(LoadTest.of(cell, rows))
     loaded, poses = int(np.any(rows.wrench != 0, axis=1).sum()), len(np.unique(rows.visit))
-    return f"{count} rows, {loaded} with a load, {poses} poses, {int(rows.validate.sum())} rows kept back", (
+    kept_back = counted(int(rows.validate.sum()), "row")
+    return f"{counted(count, 'row')}, {loaded} with a load, {counted(poses, 'pose')}, {kept_back} kept back", (
         *rows.findings, *((implausible,) if implausible else ()))
 
 
@@ -226,7 +227,7 @@ def _force_log(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[F
     log = read_force_log(file, cell.force_log.form, log_format=settings.log.log_format, spindle_rpm=settings.log.spindle_rpm)
     with np.errstate(over="ignore", invalid="ignore"):
         largest = float(np.linalg.norm(log.force, axis=1).max())
-    return f"{int(log.weight.sum())} samples placed by {log.key}, largest {largest:.3g} N", log.findings
+    return f"{counted(int(log.weight.sum()), 'sample')} placed by {log.key}, largest {largest:.3g} N", log.findings
 
 
 def _stiffness(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
@@ -288,7 +289,8 @@ def _offsets(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fin
 
     offsets = read_offsets(file, REACH_MM)
     largest = float(np.abs(offsets.offset).max(initial=0.0))
-    return f"{len(offsets.offset)} rows from target {offsets.first}, largest component {1e3 * largest:.3g} mm", offsets.findings
+    rows = counted(len(offsets.offset), "row")
+    return f"{rows} from target {offsets.first}, largest component {1e3 * largest:.3g} mm", offsets.findings
 
 
 def _measured_part(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
@@ -299,9 +301,9 @@ def _measured_part(file: Path, cell: Cell, settings: Settings) -> tuple[str, tup
 
     if {"std_um", "d_um"} & set(columns_of(file)):
         points = read_points(file, cell)
-        return f"{len(points)} points", points.findings
+        return counted(len(points), "point"), points.findings
     readings = read_readings(file, cell)
-    return f"{len(readings)} rows", readings.findings
+    return counted(len(readings), "row"), readings.findings
 
 
 Reader = Callable[[Path, Cell, Settings], tuple[str, tuple[Finding, ...]]]

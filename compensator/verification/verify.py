@@ -122,7 +122,7 @@ def verify(
     findings += _comparison_findings(comparison, after.source)
     # A reading of exactly the tolerance is within it, whatever its last digits became in metres.
     size_um = 1e6 * after.each.size
-    over = 0 if tolerance_um is None else int((size_um > tolerance_um * (1 + 1e-9)).sum())
+    over = 0 if tolerance_um is None else int((~(size_um <= tolerance_um * (1 + 1e-9))).sum())     # of NaN all
     if over:
         findings.append(Finding("CS6026", "error", f"{over} of {counted(len(size_um), 'reading')} deviate by more than the "
                                 f"tolerance of {tolerance_um:g} um, the largest by {size_um.max():.1f} um",

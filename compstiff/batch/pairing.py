@@ -14,7 +14,7 @@ from pathlib import Path
 from compensator.correction.files import Outputs
 from compensator.posting.suffixes import RAPID_SUFFIXES, TABLE_SUFFIXES, TOOLPATH_SUFFIXES, toolpath_stem, toolpath_suffix
 from identification.common.files import sha256
-from identification.common.findings import Finding, error
+from identification.common.findings import CompstiffError, Finding, error
 
 LOG_SUFFIXES = (".forces.csv", ".forces.parquet", ".forces.pq")
 STOCK_SUFFIXES = (".stock.yaml", ".stock.yml", ".stock.npz")
@@ -123,13 +123,17 @@ def no_log(program: Path, folder: Path | None, then: str, predicted: bool = Fals
 
 
 def _nearly_its_log(program: Path, folder: Path) -> str:
-    """A table in the folder whose name begins as the program's, in whatever capitals; "" for none."""
+    """A table in the folder whose name begins as the program's, in whatever capitals, and as no longer name of a program beside
+    it; "" for none."""
     stem = toolpath_stem(program).lower()
     try:
         names = sorted(path.name for path in folder.iterdir() if path.suffix.lower() in TABLE_SUFFIXES)
-    except OSError:
+        longer = tuple(other for path in programs_in(program.parent)
+                       if (other := toolpath_stem(path).lower()).startswith(stem) and other != stem)
+    except (OSError, CompstiffError):
         return ""
-    return next((name for name in names if name.lower().startswith(stem) and "force" in name.lower()), "")
+    return next((name for name in names if name.lower().startswith(stem) and "force" in name.lower()
+                 and not name.lower().startswith(longer)), "")
 
 
 def logs_without_program(folder: Path) -> list[Finding]:

@@ -11,6 +11,7 @@ import errno
 import functools
 import io
 import json
+import math
 import os
 import re
 import shutil
@@ -66,7 +67,9 @@ class HeadedCommand(click.Command):
         """Raises click.UsageError: as click, for numbers and words too many with what was meant in their place."""
         words = list(args)
         try:
-            return super().parse_args(ctx, args)
+            left = super().parse_args(ctx, args)
+            self.check_finite(ctx)
+            return left
         except click.BadParameter as wrong:
             if wrong.param is None or not (wrong.message.startswith("'") and "is not a valid" in wrong.message):
                 raise
@@ -75,6 +78,13 @@ class HeadedCommand(click.Command):
             if not wrong.message.startswith("Got unexpected extra argument"):
                 raise
             raise click.UsageError(wrong.message + switch_with_value(words, self.params), ctx) from wrong
+
+    def check_finite(self, ctx: click.Context) -> None:
+        """Raises click.BadParameter for a number that is none: no bound of a range holds against NaN."""
+        for parameter in self.params:
+            wrong = next((value for value in _floats(ctx.params.get(parameter.name or "")) if not math.isfinite(value)), None)
+            if wrong is not None and isinstance(parameter.type, click.types.FloatParamType):
+                raise click.BadParameter(f"found '{wrong}', expected a finite number", ctx, parameter)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         headed: dict[str, list[tuple[str, str]]] = {"Options": []}
@@ -96,6 +106,13 @@ class HeadedCommand(click.Command):
             with formatter.section("Examples"):
                 for example in self.examples:
                     formatter.write(f"  {example}\n")
+
+
+def _floats(value: Any) -> list[float]:
+    """The floats in the value of a parameter, which may be a tuple of them, or of such tuples."""
+    if isinstance(value, tuple):
+        return [each for item in value for each in _floats(item)]
+    return [value] if isinstance(value, float) else []
 
 
 def number_expected(found: str, parameter: click.Parameter) -> str:

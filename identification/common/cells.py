@@ -33,6 +33,10 @@ _WHOLE = re.compile(r"0|-?[1-9]\d{0,17}")
 _NUMBERS_IN_WORDS = ("true", "false", "nan", "inf", "infinity")
 # A point of thousands, as German spreadsheets show it, where the file's other cells have decimal commas.
 _POINT_OF_THOUSANDS = re.compile(r"[-\u2212+]?[1-9]\d{0,2}(\.\d{3})+")
+# And a comma of thousands, as English ones do; a number with a point in it, and one with a comma.
+_COMMA_OF_THOUSANDS = re.compile(r"[-\u2212+]?[1-9]\d{0,2}(,\d{3})+")
+_WITH_POINT = re.compile(r"[-\u2212+]?(\d+\.\d*|\.\d+)([eE][-+]?\d+)?")
+_WITH_COMMA = re.compile(r"[-\u2212+]?(\d+,\d*|,\d+)([eE][-+]?\d+)?")
 # How files begin that are often given for a text table, and what they are.
 _NO_TEXT = {
     b"PK\x03\x04": "an archive or a workbook of another form (.ods, .zip)",
@@ -158,16 +162,35 @@ def no_thousands(
     body: Sequence[str], cells_of: Callable[[str], Sequence[str]], file: str, numbers: Sequence[int],
     columns: Container[int] | None = None
 ) -> None:
-    """Raises CompstiffError (CS0203) for a point between thousands beside cells with decimal commas. body: lines, of these
-    numbers in the file; columns: from 0, of the cells that are read, None: all."""
+    """Raises CompstiffError (CS0203) for a point between thousands beside cells with decimal commas, or for commas all of which
+    may separate thousands beside cells with decimal points. body: lines, of these numbers in the file; columns: from 0, of the
+    cells that are read, None: all."""
     if not any(_DECIMAL_COMMA.search(line) for line in body):
         return
+    points = sure = False               # a decimal point stands in a number; a comma that can separate no thousands
+    point: tuple[str, str, str, str, int, int] | None = None
+    comma: tuple[str, str, str, str, int, int] | None = None
     for number, line in zip(numbers, body, strict=True):
-        for column, cell in enumerate(cells_of(line) if "." in line else ()):
-            if (columns is None or column in columns) and _POINT_OF_THOUSANDS.fullmatch(cell.strip()):
-                raise error("CS0203", f"the point in {shown(cell.strip())} separates thousands, or is a decimal one where "
-                            "other cells have decimal commas", file=file, line=int(number), column=column + 1,
-                            hint="write it without a mark between thousands, and decimal commas alike in all cells")
+        for column, cell in enumerate(cells_of(line) if "." in line or not sure else (), 1):
+            if columns is not None and column - 1 not in columns:
+                continue
+            cell = cell.strip().strip('"')
+            if _POINT_OF_THOUSANDS.fullmatch(cell):
+                point = point or ("point", cell, "commas", file, number, column)
+            elif _COMMA_OF_THOUSANDS.fullmatch(cell):
+                comma = comma or ("comma", cell, "points", file, number, column)
+            points = points or bool(_WITH_POINT.fullmatch(cell))
+            sure = sure or bool(_WITH_COMMA.fullmatch(cell) and not _COMMA_OF_THOUSANDS.fullmatch(cell))
+    if point is not None and (sure or comma is not None):
+        raise _either(*point)
+    if comma is not None and points and not sure:
+        raise _either(*comma)
+
+
+def _either(mark: str, cell: str, others: str, file: str, line: int, column: int) -> CompstiffError:
+    return error("CS0203", f"the {mark} in {shown(cell)} separates thousands, or is a decimal one where other cells have "
+                 f"decimal {others}", file=file, line=line, column=column,
+                 hint=f"write it without a mark between thousands, and decimal {others} alike in all cells")
 
 
 def _frame(body: list[str], names: list[str], separator: str, file: Path) -> pd.DataFrame:

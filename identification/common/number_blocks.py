@@ -7,6 +7,7 @@ long log costs what its parser costs, and a complaint still names its line and c
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from identification.common.tables import as_numbers
 Indices = NDArray[np.intp]
 BLOCK_BYTES = 1 << 20
 BATCH_ROWS = 1 << 17
+_TRUTH = re.compile(rb"true|false", re.IGNORECASE)
 
 
 def _occurrences(block: bytes, mark: str) -> int:
@@ -34,7 +36,7 @@ def _occurrences(block: bytes, mark: str) -> int:
 
 def text_blocks(file: Path, layout: Layout, wanted: Sequence[str]) -> Iterator[tuple[dict[str, Array], Indices]]:
     """The wanted columns and the line of each row, block by block. Raises CompstiffError: CS0201 (a row of another width, not
-    text), CS0203 (not a finite number, or a point between thousands) with line and column."""
+    text), CS0203 (not a finite number, or a mark that may be of thousands) with line and column."""
     line = layout.line
     with opened(file) as stream:
         stream.seek(layout.start)
@@ -80,7 +82,9 @@ def parse_block(
         if numbers is not None and len(next(iter(numbers.values()))) == count:
             return numbers, np.arange(line, line + count)
     lines = decoded(block, name).split("\n")
-    kept = [k for k, text in enumerate(lines) if holds_cells(text)]
+    # Rows without a word, as spreadsheets leave them behind a table, are none.
+    marks = " \t" if layout.separator == BLANKS else f"{layout.separator} \t"
+    kept = [k for k, text in enumerate(lines) if holds_cells(text) and text.strip(marks)]
     number = np.array(kept, dtype=np.intp) + line
     body = [lines[k] for k in kept]
     if layout.separator != ",":
@@ -104,8 +108,8 @@ def _parsed(block: bytes, layout: Layout, wanted: Sequence[str], decimal: str) -
     plain = _plain(block, layout, wanted, decimal)
     if plain is not None:
         return plain
-    if layout.separator != BLANKS and not _even(block, layout):
-        return None         # pandas fills short rows up, and takes its columns from the first
+    if (layout.separator != BLANKS and not _even(block, layout)) or _TRUTH.search(block):
+        return None         # pandas fills short rows up, takes its columns from the first, and TRUE for 1
     import pandas as pd
 
     place = {column: layout.names.index(column) for column in wanted}

@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 _WITH_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")           # 1,234 may be either
 # What people write in place of a number, and what to do about it.
+_SECONDS = "write times as seconds in one number, from any start"
 _SLIPS = (
     (re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?"), "write it without commas between thousands"),
     (re.compile(r"[-+]?\d{1,3}([.'\u2019 \u00a0\u202f]\d{3})+([.,]\d*)?"), "write it without a mark between thousands"),
-    (re.compile(r".*\d:\d\d.*|\d{1,4}[-./]\d{1,2}[-./]\d{1,4}"),
-     "write times as seconds in one number, from any start, or all of them as hh:mm:ss"),
+    (re.compile(r".*\d:\d\d.*|\d{1,4}[-./]\d{1,2}[-./]\d{1,4}"), _SECONDS),
     (re.compile(r"[-+]?\d+([.,]\d+)?\s*[^\W\d_eE][^\d]*"), "write the number alone: its unit is in the column's name"),
 )
 
@@ -101,7 +101,7 @@ def _table(
         frame = cells.frame()
         if TIME in wanted:
             frame, clocked = with_seconds(frame, file, line)
-        numbers = as_numbers(frame[wanted], file, names, line, may_be_empty=may_be_empty)
+        numbers = as_numbers(frame[wanted], file, names, line, may_be_empty=may_be_empty, clock=True)
         # A column of which all cells are empty, or numbers, is one of numbers so far.
         labels = {name: frame[name].astype(object).where(frame[name].notna(), "").astype(str).str.strip().to_numpy(dtype=object)
                   for name in worded}
@@ -141,10 +141,11 @@ def check_columns(
 
 
 def as_numbers(
-    frame: pd.DataFrame, file: str, names: Sequence[str], line: NDArray[np.intp], *, may_be_empty: Sequence[str] = ()
+    frame: pd.DataFrame, file: str, names: Sequence[str], line: NDArray[np.intp], *, may_be_empty: Sequence[str] = (),
+    clock: bool = False
 ) -> dict[str, Array]:
     """The columns of a frame as finite numbers, NaN where a cell is empty that may be; names: all columns of the file, line
-    (N,) of each row. Raises CompstiffError (CS0203) with every complaint."""
+    (N,) of each row; clock: times by the clock would have been read. Raises CompstiffError (CS0203) with every complaint."""
     numbers: dict[str, Array] = {}
     findings: list[Finding] = []
     frame = _commas_read(frame, file, names, line)
@@ -153,7 +154,7 @@ def as_numbers(
         findings += [
             Finding("CS0203", "error", f"column '{name}': found {shown(frame[name].iloc[row])}, expected a finite number"
                     + beyond(numbers[name][row]), file=file, line=int(line[row]), column=list(names).index(name) + 1,
-                    hint=_mend(frame[name].iloc[row]))
+                    hint=_mend(frame[name].iloc[row], clock=clock and name == TIME))
             for row in bad[:MOST_COMPLAINTS]
         ]
     if findings:
@@ -161,10 +162,11 @@ def as_numbers(
     return numbers
 
 
-def _mend(cell: object) -> str:
-    """What to do about a cell that is no number."""
-    return next((hint for pattern, hint in _SLIPS if pattern.fullmatch(str(cell).strip())),
+def _mend(cell: object, *, clock: bool) -> str:
+    """What to do about a cell that is no number; clock: times by the clock are read in its column, if all are such."""
+    hint = next((hint for pattern, hint in _SLIPS if pattern.fullmatch(str(cell).strip())),
                 "mend the cell, or delete the row if the value is lost")
+    return f"{hint}, or all of them as hh:mm:ss" if clock and hint == _SECONDS else hint
 
 
 def _commas_read(frame: pd.DataFrame, file: str, names: Sequence[str], line: NDArray[np.intp]) -> pd.DataFrame:

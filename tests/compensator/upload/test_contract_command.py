@@ -360,7 +360,8 @@ def test_a_log_that_cannot_be_written_stops_it(controller, cell, tmp_path):
 
 @pytest.mark.parametrize(("content", "name"), [
     (b"no module", "a.mod"), (b"MODULE A\nPROC main()\n", "a.mod"), (kit.module_text() * 2, "a.mod"),
-    (kit.module_text(), "a.txt"), (b"! MODULE A\n! ENDMODULE\n", "a.mod"),
+    (kit.module_text(), "a.txt"), (b"! MODULE A\n! ENDMODULE\n", "a.mod"), (kit.module_text() + b"ENDMODULE\n", "a.mod"),
+    (b"MODULE A\n" + kit.module_text(), "a.mod"),
 ])
 def test_what_is_not_one_whole_module_is_refused(tmp_path, content, name):
     file = kit.write_module(tmp_path, name, content)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
+import httpx
 import pytest
 
 from compensator.upload.address import Controller
 from compensator.upload.answers import Answered, Lost
+from compensator.upload.bounded import MOST, Bounded
 from compensator.upload.dialects import RWS_1, RWS_2, Dialect
 from compensator.upload.remote import MastershipRefused, Remote
 from compensator.upload.session import Reply, Session
@@ -104,3 +107,51 @@ def test_a_file_that_is_not_there_is_none_and_one_that_may_not_be_read_is_told()
     assert Remote(answering(404)).read("$HOME/part.mod") is None
     with pytest.raises(Answered, match="HTTP 403"):
         Remote(answering(403)).read("$HOME/part.mod")
+
+
+@pytest.mark.parametrize(("status", "code", "meant"), [
+    (400, -1, True), (399, -1, False), (499, -1, True), (500, -1, False), (400, None, False), (404, 0, True)])
+def test_a_controller_means_what_it_refuses_with_a_code_of_its_own(status: int, code: int | None, meant: bool) -> None:
+    """Of the statuses that are the caller's fault, and the only ones by which mastership is refused."""
+    assert Answered(status, code).meant == meant
+    session: Any = Master(Answered(status, code), *[None] * (not meant))
+    with pytest.raises(Answered) as stopped, Remote(session).mastership():
+        pass
+    assert isinstance(stopped.value, MastershipRefused) == (400 <= status < 500)
+
+
+class Scripted(httpx.BaseTransport, httpx.SyncByteStream):
+    """Answers with these parts."""
+
+    def __init__(self, *parts: bytes, **headers: str) -> None:
+        self.parts, self.headers, self.closed = parts, headers, False
+
+    def __iter__(self) -> Iterator[bytes]:
+        yield from self.parts
+
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        return httpx.Response(200, headers=self.headers, stream=self)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.mark.parametrize(("parts", "headers", "lost"), [
+    ((b"12345", b"", b"67890"), {}, ""), ((b"12345", b"67890", b"x"), {}, "an answer of over 10 bytes"),
+    ((b"1" * 11,), {}, "an answer of over 10 bytes"), ((), {}, ""), ((b"1",), {"Content-Encoding": "Identity"}, ""),
+    ((b"1",), {"Content-Encoding": "gzip"}, "an answer in an encoding that was not asked for")])
+def test_an_answer_is_as_large_as_asked_for_at_most_in_however_many_parts(
+        parts: tuple[bytes, ...], headers: dict[str, str], lost: str) -> None:
+    answering = Scripted(*parts, **headers)
+    asked = httpx.Request("GET", "http://127.0.0.1/", extensions={MOST: 10})
+
+    def read() -> bytes:
+        return b"".join(Bounded(answering).handle_request(asked).iter_raw())
+
+    if not lost:
+        assert read() == b"".join(parts)
+        return
+    with pytest.raises(Lost, match=lost):
+        read()
+    assert answering.closed or "over" in lost
+

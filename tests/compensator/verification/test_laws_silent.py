@@ -55,6 +55,22 @@ def test_zeros_where_nothing_was_measured_are_found(step: float, components: int
         assert (typed_zeros(values, np.full(values.shape, 3.0))[lost]).all(), seed
 
 
+@pytest.mark.parametrize(("count", "zeros", "beside", "sigma", "told"), [
+    (100, 4, 0, 100.0, True), (100, 3, 0, 100.0, False), (300, 6, 0, 100.0, True), (300, 5, 0, 100.0, False),
+    (100, 12, 3, 100.0, True), (100, 12, 4, 100.0, False), (100, 12, 0, 10.5, True), (100, 12, 0, 9.5, False),
+    (100, 12, 0, 0.1, False)])
+def test_zeros_are_typed_from_four_and_two_per_cent_on_where_chance_and_their_neighbours_do_not_make_them(
+        count: int, zeros: int, beside: int, sigma: float, told: bool) -> None:
+    """In steps of a micrometre, of which 0.4 / sigma lie at zero by chance, each time: three times as many must be there.
+    Beside zero, a step off, are under a third as many. A component that was not measured is none."""
+    values = np.full((count, 2), np.nan)
+    values[:, 0] = 50 + np.arange(count) % 30
+    values[:beside, 0] = np.where(np.arange(beside) % 2, 1, -1)
+    values[20:20 + zeros, 0] = 0
+    found = typed_zeros(values, np.full(values.shape, sigma))
+    assert np.flatnonzero(found).tolist() == (list(range(20, 20 + zeros)) if told else [])
+
+
 def written(folder: Path, name: str, values_um: np.ndarray) -> Path:
     rows = [f"{k},{','.join(f'{x:.3f}' for x in row)},3,3,3" for k, row in enumerate(values_um)]
     (folder / name).write_text("\n".join(["target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um", *rows]) + "\n")

@@ -749,6 +749,15 @@ def test_a_reading_of_just_the_tolerance_is_within_it(tmp_path: Path, worst: tup
         True] * over
 
 
+def test_no_part_is_within_a_tolerance_that_is_no_number(tmp_path: Path) -> None:
+    """By a script as on the command line."""
+    cell = write_cell(tmp_path)
+    file = csv(tmp_path, "part.csv", "target,dx_um", np.array([[0, 500], [1, 600]]))
+    assert verify_files(read_cell(cell), file, file, tolerance_um=np.nan).accepted is False
+    refused = verify(cell, file, file, "--tolerance-um", "nan")
+    assert (refused.exit_code, "'--tolerance-um': found 'nan'" in refused.stderr) == (2, True), refused.stderr
+
+
 @pytest.mark.parametrize(("rows", "over"), [
     ([(0, 9), (1, 9), (1, -9), (2, 9)], 0), ([(0, 9), (1, 14), (1, -14), (2, 9)], 2), ([(0, 9), (1, 14), (1, 4), (2, 9)], 1)])
 def test_no_reading_hides_behind_another_of_its_target(tmp_path: Path, rows: list[tuple[int, float]], over: int) -> None:

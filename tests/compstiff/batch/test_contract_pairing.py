@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from compstiff import read_cell
-from compstiff.batch.pairing import Folders, paired, programs_in
+from compstiff.batch.pairing import Folders, no_log, paired, programs_in
 from identification.common.findings import CompstiffError
 from tests.compensator.cutting.test_contract_asked import job, stiff, told
 from tests.runs.command_line import user_files as kit
@@ -75,3 +75,26 @@ def test_a_folder_that_is_none_is_told(tmp_path: Path) -> None:
         with pytest.raises(CompstiffError) as stopped:
             programs_in(folder)
         assert [(one.code, one.file) for one in stopped.value.findings] == [("CS0005", str(folder))]
+
+
+@pytest.mark.parametrize(("beside", "near"), [
+    (("part1_forces.csv",), "part1_forces.csv"), (("Part1.Forces.CSV",), "Part1.Forces.CSV"),
+    (("part1.force.csv",), "part1.force.csv"), ((), ""),
+    (("part1.csv",), ""), (("forces.csv",), ""), (("other.forces.csv",), ""), (("part1_forces.txt",), ""),
+    (("part10.mod", "part10.forces.csv"), ""), (("PART10.MOD", "part10_forces.csv"), ""),
+    (("part10.forces.csv",), "part10.forces.csv"),
+    (("part10.mod", "part10.forces.csv", "part1-force.parquet"), "part1-force.parquet")])
+@pytest.mark.parametrize("watched", [True, False])
+def test_a_log_of_nearly_the_program_s_name_is_asked_about(
+        tmp_path: Path, beside: tuple[str, ...], near: str, watched: bool) -> None:
+    """Not the log of another program that lies beside it, whose name begins as this one's: renamed, its forces would be taken
+    for those of this one."""
+    for name in ("part1.mod", *beside):
+        (tmp_path / name).write_text("")
+    found = no_log(tmp_path / "part1.mod", None, "it waits", watched=watched)
+    assert (found.code, found.level, found.file) == ("CS6000", "warning", str(tmp_path / "part1.mod"))
+    assert found.message == f"has no force log part1.forces.csv (or .parquet) in {tmp_path}; it waits"
+    assert found.hint == (f"is it {near}? Then rename it, capitals too; else " if near else "") + (
+        "log the forces of a first pass, and put the log beside the program" if watched
+        else "log the forces of a first pass, or name the folder of the logs with --forces")
+

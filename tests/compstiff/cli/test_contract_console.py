@@ -385,3 +385,23 @@ def test_a_file_is_no_folder(tmp_path: Path) -> None:
     done = CliRunner().invoke(group, ["demo", str(file)])
     assert done.exit_code == 2
     assert "is a file" in done.stderr
+
+
+@pytest.mark.parametrize(("option", "value", "said"), [
+    ("--width", "2.5", ""), ("--width", "nan", "found 'nan', expected a finite number"), ("--width", "-NaN", "found 'nan'"),
+    ("--width", "inf", "found 'inf', expected a finite number"), ("--width", "-inf", "is not in the range x>0"),
+    ("--wide", "-2.5", ""), ("--wide", "nan", "found 'nan'"), ("--wide", "-inf", "found '-inf'"),
+    ("--corner", "2.5", ""), ("--corner", "nan", "found 'nan'"), ("--corner", "inf", "found 'inf'")])
+def test_what_is_no_finite_number_is_in_no_range(option: str, value: str, said: str) -> None:
+    """Against NaN no bound holds: a part within a tolerance of NaN had been accepted."""
+    taken: list[object] = []
+
+    def body(session: Session, **given: object) -> Outcome:
+        taken.append(given)
+        return Outcome()
+
+    for decorate in (click.option("--width", type=click.FloatRange(0, min_open=True)), click.option("--wide", type=float),
+                     click.option("--corner", type=float, nargs=2, multiple=True)):
+        body = decorate(body)
+    code, _, stderr = run(body, option, value, *(["1"] if option == "--corner" else []))
+    assert (code, len(taken), said in stderr) == (2 if said else 0, 0 if said else 1, True), stderr

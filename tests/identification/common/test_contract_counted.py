@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from identification.common.findings import counted, verb
+from identification.common.findings import Finding, counted, fold, verb
 
 ROOT = Path(__file__).parents[3]
 # A count whose verb is written behind it and stays in the plural: "1 correction are held back".
@@ -32,3 +33,10 @@ def test_no_count_has_a_verb_that_stays_in_the_plural() -> None:
              for path in (ROOT / package).rglob("*.py") for match in STAYS.finditer(path.read_text())
              if not ELSEWHERE.search(match[0])]
     assert not found
+
+
+def test_findings_alike_are_one_with_their_number_at_the_place_of_the_first() -> None:
+    one, other = Finding("CS0001", "note", "a", file="f", line=3, count=3), Finding("CS0001", "note", "b", file="f", line=4)
+    differing = [replace(one, code="CS0002"), replace(one, level="warning"), replace(one, file="g")]
+    assert fold([one, other, replace(one, line=9, count=2), *differing, replace(one, count=1)]) == (
+        replace(one, count=6), other, *differing)

@@ -9,7 +9,7 @@ import openpyxl
 import pytest
 
 from identification.common.findings import CompstiffError
-from identification.common.header_names import meant
+from identification.common.header_names import meant, renamed
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from tests.runs.command_line import user_files as kit
@@ -76,3 +76,14 @@ def test_the_csv_that_excel_writes_first_is_no_utf_8(tmp_path: Path) -> None:
     table.write_bytes(";".join(GERMAN).encode("cp1252") + b"\n")
     run = kit.run("check", cell, table)
     assert "CSV UTF-8" in run.err
+
+
+@pytest.mark.parametrize(("header", "said"), [
+    (["Fx [N]", "Fy [N]"], "call 'Fx [N]' fx_n, 'Fy [N]' fy_n"), (["fx_n", "Fy [N]"], "call 'Fy [N]' fy_n"),
+    (["fx_n", "fy_n"], ""), (["Fx [N]", "Kraft x [N]", "Fy [N]"], "call 'Fy [N]' fy_n"), (["Fz [N]", "Zeit [s]"], ""),
+    (["Fx [kN]"], "'Fx [kN]' must be fx_n, in newtons: convert its numbers"),
+    (["Fx [kN]", "Fy [kN]"], "'Fx [kN]', 'Fy [kN]' must be fx_n, fy_n, in newtons: convert their numbers"),
+    (["Fx [kN]", "Fy [N]"], "call 'Fy [N]' fy_n; 'Fx [kN]' must be fx_n, in newtons: convert its numbers")])
+def test_what_is_wanted_and_meant_once_is_called_by_its_name(header: list[str], said: str) -> None:
+    """Not what has it already, what nobody asks for, or two columns that may mean the same."""
+    assert renamed(header, ("fx_n", "fy_n")) == said

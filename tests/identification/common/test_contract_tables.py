@@ -77,6 +77,36 @@ def test_a_point_of_thousands_is_not_a_decimal_one(tmp_path: Path, read, cell: s
     np.testing.assert_array_equal(read(file)["a_mm"], [15.209, -1.112])
 
 
+@pytest.mark.parametrize("mark", [";", "\t"])
+@pytest.mark.parametrize(("rows", "right"), [
+    ("0.5;1,234\n2;3\n", None), ('0.5;"1,234"\n2;3\n', None), ("2;3\n-0.5;-12,345,678\n", None), ("0.5;1,25\n2;3\n", [1.25, 3]),
+    ("0.5;1,234\n2;0,5\n", [1.234, 0.5]), ("0.5;1234\n2;3\n", [1234, 3]), ("5;1,234\n2;3\n", [1.234, 3]),
+    ("0.5;0,234\n2;3\n", [0.234, 3])])
+def test_a_comma_of_thousands_is_not_a_decimal_one(tmp_path: Path, read, mark: str, rows: str, right) -> None:
+    """Beside decimal points, where no other comma is certainly a decimal one: tabs between the cells, as an English spreadsheet
+    writes them."""
+    file = tmp_path / "table.csv"
+    file.write_text(f"a_mm;b_mm\n{rows}".replace(";", mark))
+    if right is not None:
+        np.testing.assert_array_equal(read(file)["b_mm"], right)
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read(file)
+    [found] = stopped.value.findings
+    assert (found.code, found.line, found.column) == ("CS0203", 2 if rows[0] == "0" else 3, 2)
+    assert "separates thousands, or is a decimal one where other cells have decimal points" in found.message
+
+
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_a_comma_in_a_note_says_nothing_of_numbers(tmp_path: Path, read, mark: str) -> None:
+    file = tmp_path / "table.csv"
+    file.write_text("a_mm;b_mm;note\n1.234;0.5;at 1,5 mm\n-12.345;2;\n".replace(";", mark))
+    np.testing.assert_array_equal(read(file)["a_mm"], [1.234, -12.345])
+    file.write_text("a_mm;b_mm;note\n1.234;0,5;at 1,5 mm\n-12.345;2;\n".replace(";", mark))
+    with pytest.raises(CompstiffError, match=r"the point in '1\.234' separates thousands"):
+        read(file)
+
+
 @pytest.mark.parametrize("mark", [";", "\t", "  "])
 @pytest.mark.parametrize(("cell", "column"), [("1.234", 2), ("1.234", 4), ("1234", None), ("0.234", None)])
 def test_a_force_of_a_thousand_newtons_is_not_read_as_one(tmp_path: Path, mark: str, cell: str, column: int | None) -> None:
@@ -110,6 +140,33 @@ def test_what_a_spreadsheet_leaves_behind_a_table_is_nothing(tmp_path: Path, mar
     file.write_text("\n".join([*rows, "1,2,,here"]).replace(",", mark) + "\n")
     with pytest.raises(CompstiffError, match="2 of 4 columns have no name"):
         read_table(file, required=NAMES)
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_rows_without_a_word_are_none_and_an_empty_cell_is_no_number(tmp_path: Path, read, mark: str) -> None:
+    """Behind a table or in it, of a long one too."""
+    file, rows = tmp_path / "table.csv", ["a_mm,b_mm", "1.5,2", " ,", "-3,0.25", ",", ","]
+    file.write_text("\n".join(rows).replace(",", mark) + "\n")
+    table = read(file)
+    np.testing.assert_array_equal([table["a_mm"], table["b_mm"]], [[1.5, -3], [2, 0.25]])
+    file.write_text("\n".join([*rows[:4], "4,"]).replace(",", mark) + "\n")
+    with pytest.raises(CompstiffError) as stopped:
+        read(file)
+    assert [(one.code, one.line, one.column) for one in stopped.value.findings] == [("CS0203", 5, 2)]
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", " "])
+@pytest.mark.parametrize("cell", ["TRUE", "true", "False"])
+def test_true_is_no_number(tmp_path: Path, mark: str, cell: str) -> None:
+    """Of a valve that cell.yaml has for a force; in a column that is not read it may stand."""
+    file = tmp_path / "log.csv"
+    file.write_text(f"time_s,valve,fx_n\n0.1,{cell},2\n0.2,{cell},3\n".replace(",", mark))
+    layout = read_layout(file)
+    [(numbers, _)] = list(text_blocks(file, layout, ("time_s", "fx_n")))
+    np.testing.assert_array_equal(numbers["fx_n"], [2, 3])
+    with pytest.raises(CompstiffError) as stopped:
+        list(text_blocks(file, layout, ("time_s", "valve")))
+    assert [(one.code, one.line, one.column) for one in stopped.value.findings] == [("CS0203", 2, 2), ("CS0203", 3, 2)]
 
 
 @pytest.mark.parametrize(("rows", "says"), [
@@ -350,3 +407,32 @@ def test_a_log_of_words_alone_has_no_line_of_numbers(tmp_path: Path) -> None:
         read_layout(tmp_path / "log.csv", ("time_s", "fx_n", "fy_n", "fz_n"))
     (finding,) = stopped.value.findings
     assert (finding.code, finding.line, finding.message) == ("CS0201", 2, "no line of numbers was found")
+
+
+@pytest.mark.parametrize(("cell", "refused"), [("-2e+19", True), ("2e+19", True), ("-5e18", False), ("5e18", False)])
+def test_a_number_beyond_1e19_is_none(tmp_path: Path, read, cell: str, refused: bool) -> None:
+    """Alone in its column, of either sign."""
+    file = tmp_path / "table.csv"
+    file.write_text(f"a_mm,b_mm\n1,{cell}\n")
+    if not refused:
+        assert read(file)["b_mm"].tolist() == [float(cell)]
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read(file)
+    [found] = stopped.value.findings
+    assert (found.code, found.line, found.column) == ("CS0203", 2, 2)
+    assert found.message == f"column 'b_mm': found '{cell}', expected a finite number up to 1e+19 in size"
+
+
+@pytest.mark.parametrize(("reader", "column", "offered"), [
+    (read_table, "time_s", True), (read_table, "dwell_s", False), (read_force_log, "time_s", False)])
+def test_times_by_the_clock_are_offered_where_they_would_be_read(tmp_path: Path, reader, column: str, offered: bool) -> None:
+    """Not to who has them already, in a log: there they are refused."""
+    times = ["08:14:07", "08:14:08" if reader is read_force_log else "about 08:14:08"]
+    file = tmp_path / "table.csv"
+    file.write_text(f"{column},fx_n,fy_n,fz_n\n" + "".join(f"{time},1,2,3\n" for time in times))
+    with pytest.raises(CompstiffError) as stopped:
+        reader(file, **({"required": (column,)} if reader is read_table else {}))
+    assert {one.hint for one in stopped.value.findings} == {
+        "write times as seconds in one number, from any start" + ", or all of them as hh:mm:ss" * offered}
+

@@ -85,3 +85,11 @@ def test_what_is_not_yaml_is_refused_with_its_place(tmp_path: Path, content: byt
         (found,) = stopped.value.findings
         assert (found.code, found.file, found.line, found.column) == ("CS0101", str(tmp_path / "one.yaml"), line, column)
         assert found.message.startswith(says)
+
+
+def test_a_key_that_stands_twice_has_the_place_of_the_second(tmp_path: Path) -> None:
+    (tmp_path / "one.yaml").write_text("share: 1\ntree: {c: 1,  c: 2}\n")
+    with pytest.raises(CompstiffError) as stopped:
+        read_mapping(tmp_path / "one.yaml")
+    (found,) = stopped.value.findings
+    assert (found.code, found.line, found.column, found.message) == ("CS0102", 2, 15, "key 'c' stands here a second time")

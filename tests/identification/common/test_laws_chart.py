@@ -222,3 +222,38 @@ def test_logarithmic_ticks_are_powers_of_ten_as_many_as_fit(decades: int, most: 
 
 def test_few_decades_get_what_stands_between_them() -> None:
     np.testing.assert_allclose(log_ticks(2.0, 60.0, 6), [2, 5, 10, 20, 50])
+
+
+def test_a_rule_lies_at_its_value_unless_it_stands() -> None:
+    line = Line("l", [0.0, 10.0], [0.0, 100.0])
+    for upright, kind, value in ((False, "y", 75.0), (True, "x", 2.5)):
+        rule = Rule(value, upright=True) if upright else Rule(value)
+        picture = shown(Panel([line, rule], Axis("x"), Axis("y")))
+        [d] = [one.get("d") or "" for one in picture.iter("path") if "dashed" in (one.get("class") or "")]
+        x, y, along = re.fullmatch(r"M([\d.]+) ([\d.]+)([HV])[\d.]+", d).groups()
+        assert along == ("V" if upright else "H")
+        assert np.polyval(scale_of(picture, kind), float(x if upright else y)) == pytest.approx(value, rel=0.01)
+
+
+@pytest.mark.parametrize("size", [4.0, 9.0])
+def test_marks_are_as_large_as_they_are_said_to_be(size: float) -> None:
+    picture = shown(Panel([Points("p", [1.0, 2], [3.0, 4], labels="ab", size=size)], Axis(), Axis()))
+    assert {float(one.get("r")) for one in picture.iter("circle")} == {size / 2}
+    for symbol, wide in (("cross", size), ("dash", 2 * size)):
+        d = next(one.get("d") for one in shown(Panel([Points("p", [1.0, 2], [3.0, 4], symbol=symbol, size=size)])).iter("path")
+                 if (one.get("d") or "").count("m") >= 2)
+        left, across = re.search(r"m-([\d.]+) -?[\d.]+[lh]([\d.]+)", d).groups()
+        assert (2 * float(left), float(across)) == (wide, wide)
+
+
+@pytest.mark.parametrize(("count", "letters"), [(3, 8), (40, 8), (40, 2), (12, 30)])
+def test_of_names_below_a_chart_as_many_are_shown_as_do_not_touch(count: int, letters: int) -> None:
+    """Every one, or every second, third ...: the next fewer would touch."""
+    names = [f"{k}".rjust(letters, "n") for k in range(count)]
+    picture = shown(Panel([Bars("b", np.ones(count))], Axis(categories=names), Axis()))
+    at = {text.text: float(text.get("x")) for text in picture.iter("text") if text.get("text-anchor") == "middle"}
+    every = -(-count // len(at))
+    assert list(at) == names[::every]
+    apart = np.diff(list(at.values()))
+    assert len(apart) == 0 or apart.min() > 6.0 * letters
+    assert every == 1 or apart.min() * (every - 1) / every < 8.0 * letters + 10

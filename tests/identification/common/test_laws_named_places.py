@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from identification.common.scene import named_places
+from identification.common.scene import EDGE, HEIGHT, WIDTH, Projection, named_places
 
 # A letter of the picture's font is about so wide, a name so high [px], a dot has this radius.
 WIDE, HIGH, RADIUS = 6.0, 11.0, 4.0
@@ -28,3 +28,20 @@ def test_no_name_covers_a_dot_or_a_name(seed: int) -> None:
         assert not on.any(), names[number]
         for other, below, wide in signs[:number]:
             assert abs(foot - below) >= HIGH or abs(across - other) >= half + wide
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_picture_holds_all_of_its_points_as_large_as_they_fit(seed: int) -> None:
+    """Seen from the right, the front and above, by lengths and angles of its own: two edges are reached, opposite ones."""
+    points = np.random.default_rng(seed).normal([5, -7, 100], [3, 2, 1], (50, 3))
+    x, y = Projection.fitting(np.concatenate([points, [[np.nan, 0, 0]]]))(points)
+    room = [min(x.min(), WIDTH - x.max()), min(y.min(), HEIGHT - y.max())]
+    assert min(room) == pytest.approx(EDGE)
+    assert (x.min() + x.max(), y.min() + y.max()) == pytest.approx((WIDTH, HEIGHT))
+    # Up to one scale the differences are those along two directions at right angles to each other and to the look.
+    towards = np.array([0.62, -0.68, 0.5]) / np.linalg.norm([0.62, -0.68, 0.5])
+    across = np.array([0.68, 0.62, 0]) / np.hypot(0.68, 0.62)
+    flat = (points - points[0]) @ np.column_stack([across, np.cross(towards, across)])
+    seen = np.column_stack([x - x[0], y[0] - y])
+    scale = np.sum(flat * seen) / np.sum(flat**2)
+    np.testing.assert_allclose(seen, scale * flat, atol=1e-9 * scale)

@@ -581,3 +581,22 @@ def test_a_table_with_the_columns_that_the_cell_names_is_a_log(folder: Path, row
     run = check(folder, folder / "odd.csv")
     kinds = {name: kind for name, (kind, _) in verdicts(run).items()}
     assert kinds["odd.csv"] == ("force log" if "how" in rows else "")
+
+
+def test_what_is_told_of_tables_is_counted(tmp_path: Path) -> None:
+    """Of 3, 4 and 12 N the force is 13; of two loaded rows of four at two poses one is kept back."""
+    (tmp_path / "cell.yaml").write_text(f"robot: {ROBOT}\ntool: {{position_mm: [120, 0, 250]}}\n")
+    (tmp_path / "log.csv").write_text("target,fx_n,fy_n,fz_n\n0,3,4,12\n1,-9,0,0\n2,0,0,9\n")
+    (tmp_path / "after.csv").write_text("target,dx_um\n0,40\n1,\n")
+    (tmp_path / "points.csv").write_text("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,10,5\n2,2,3,20,5\n")
+    angles = [[0, 10, 20, 0, 30, 0], [20, 10, 20, 0, 30, 0]]
+    rows = [[*angle, load, 0, 0, load / 10, 0, 0, name, "validate" if load > 100 else "identify"]
+            for angle, name in zip(angles, "ab", strict=True) for load in (0, 100 + 50 * (name == "b"))]
+    (tmp_path / "loads.csv").write_text(
+        ",".join([*(f"q{k}_deg" for k in range(1, 7)), "fx_n,fy_n,fz_n,dx_um,dy_um,dz_um,pose,purpose"]) + "\n"
+        + "".join(",".join(map(str, row)) + "\n" for row in rows))
+    run = check(tmp_path, *(tmp_path / name for name in ("log.csv", "after.csv", "points.csv", "loads.csv")))
+    assert {Path(one["file"]).name: one["found"] for one in run.json["result"]["files"][1:]} == {
+        "log.csv": "3 samples placed by target, largest 13 N", "after.csv": "1 row", "points.csv": "2 points",
+        "loads.csv": "4 rows, 2 with a load, 2 poses, 1 row kept back"}, run
+
