@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.files import Inputs, predict_files
@@ -19,6 +20,10 @@ from identification.model.cell import read_cell
 
 # Checks that several files of tests share: their assertions explain themselves too. Named before any of these is imported.
 pytest.register_assert_rewrite("tests.runs.hidden_effects.hide_and_diagnose", "tests.runs.hidden_effects.places")
+
+# How long an example takes on a busy machine says nothing.
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
 
 TARE = (0, 2)
 

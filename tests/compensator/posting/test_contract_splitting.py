@@ -58,7 +58,7 @@ def inside(part: bytes) -> bytes:
 
 @given(st.lists(st.sampled_from("aaccccm!s"), min_size=6, max_size=60), st.integers(1, 20), st.sampled_from(["\n", "\r\n"]),
        st.booleans())
-@settings(deadline=None, max_examples=80)
+@settings(max_examples=80)
 def test_the_parts_hold_every_byte_and_break_in_the_air_only(kinds, most, eol, load):
     body, air = moves(["a", *kinds])
     content = module(body).replace("\n", eol).encode()

@@ -54,7 +54,7 @@ def layout(seed: int) -> str:
 
 
 @given(st.integers(0, 2**32))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_layout_and_case_do_not_matter(seed):
     same(read_rapid(layout(seed).encode(), "x").toolpath, REFERENCE)
 
@@ -70,7 +70,7 @@ def test_the_reference_is_what_it_should_be():
 @example(b"MoveL {")
 @example(b"MoveL p{1e999},v1,z1,tool0;CONST robtarget p{1}:=[1];")
 @example(b"\xef\xbb\xbf")
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_random_bytes_are_read_or_refused(data):
     try:
         program = read_rapid(data, "x")
@@ -87,7 +87,7 @@ PIECES = st.sampled_from([*WORDS, "MoveL", "MoveC", "(", ")", "{", "}", "\\", "*
 
 
 @given(st.lists(PIECES, max_size=60), st.booleans())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_scraps_of_rapid_are_read_or_refused(pieces, spaced):
     data = (" " if spaced else "").join(pieces).encode()
     try:
@@ -105,7 +105,7 @@ def damaged(draw):
 
 
 @given(damaged())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_a_damaged_program_is_read_or_refused(data):
     with suppress(CompstiffError):
         read_rapid(data, "x")
@@ -140,7 +140,7 @@ def jobs(draw):
 
 
 @given(jobs())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_what_is_written_reads_back_and_the_rest_is_as_it_was(job):
     data, chosen, nudge, turn = job
     program = read_rapid(data, "x")

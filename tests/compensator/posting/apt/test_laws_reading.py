@@ -42,7 +42,7 @@ step = st.one_of(
 
 
 @given(st.lists(step, max_size=30), st.sampled_from(["MM", "INCHES"]))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_straight_moves_are_those_of_another_interpreter(tmp_path_factory, lines, unit):
     text = "\n".join([f"UNITS / {unit}", "FEDRAT/100,MMPM", "GOTO/1,2,3", *lines]) + "\n"
     file = tmp_path_factory.mktemp("apt") / "a.cls"
