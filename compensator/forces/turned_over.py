@@ -98,7 +98,7 @@ def said_of_moments(
     turned_by = _turned_by(arm, force, moment, left)
     if FACTOR[0] < factor < FACTOR[1] and left <= FITS and not turned_by:
         return []
-    signs = min((signs for signs, (one, _) in readings.items() if one > 0), key=lambda signs: readings[signs][1])
+    signs = min(readings, key=lambda signs: (readings[signs][0] <= 0, readings[signs][1]))
     other, least = readings[signs]
     turned = [name for name, sign in zip(("fx", "fy", "fz"), signs, strict=True) if sign < 0]
     if turned and least <= FITS and left > LESS * least:
