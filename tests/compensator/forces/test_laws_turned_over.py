@@ -139,6 +139,17 @@ def test_placed_forces_ask_the_moments(tmp_path: Path, gain: float) -> None:
     assert ("CS3127" in {finding.code for finding in found}) == (gain != 1.0)
 
 
+def test_moments_of_no_force_are_told(tmp_path: Path) -> None:
+    (tmp_path / "cell.yaml").write_text(CELL + "force_log: {frame: tool}\n")
+    load = np.zeros((20, 6))
+    load[:, 5] = 1.5
+    [found] = said_of_moments(load, np.broadcast_to(np.eye(3), (20, 3, 3)), np.zeros((20, 3)), np.ones(20, dtype=bool),
+                              read_cell(tmp_path / "cell.yaml"), "log")
+    assert (found.code, found.message) == (
+        "CS3127", "the moments in this log are 1.5 N m and its forces nothing (RMS), and in the frame tool about the tool's tip: "
+        "no cutting edge is so far from it")
+
+
 def test_a_torque_about_the_tool_alone_is_none_of_the_forces(tmp_path: Path) -> None:
     """A sensor on the tool's axis that logs the spindle's torque, and zeros about the two axes across: no arm makes that."""
     (tmp_path / "cell.yaml").write_text("robot: irb6660-205-1.90\ntool: {position_mm: [0, 0, 250]}\nforce_log: {frame: sensor, "
