@@ -163,7 +163,7 @@ def _of_no_cutter(load: Array, cell: Cell, source: str) -> list[Finding]:
         return []
     size = f"{1e3 * moment / force:.0f} mm times its forces" if force else f"{moment:.3g} N m and its forces nothing"
     return [Finding(
-        "CS3127", "warning", f"the moments in this log are {size} (RMS), and in the frame {cell.force_log.kind} about the tool's "
-        "tip: no cutting edge is so far from it", file=source,
+        "CS3127", "warning", f"the moments in this log are {size} (RMS), and in the frame {cell.force_log.kind} about the "
+        "tool's tip: no cutting edge is so far from it", file=source,
         hint="are they about the sensor's own origin, and along its own axes? Then force_log.frame: sensor, with "
         "sensor_position_mm and sensor_quaternion")]

@@ -146,8 +146,8 @@ def test_moments_of_no_force_are_told(tmp_path: Path) -> None:
     [found] = said_of_moments(load, np.broadcast_to(np.eye(3), (20, 3, 3)), np.zeros((20, 3)), np.ones(20, dtype=bool),
                               read_cell(tmp_path / "cell.yaml"), "log")
     assert (found.code, found.message) == (
-        "CS3127", "the moments in this log are 1.5 N m and its forces nothing (RMS), and in the frame tool about the tool's tip: "
-        "no cutting edge is so far from it")
+        "CS3127", "the moments in this log are 1.5 N m and its forces nothing (RMS), and in the frame tool about the tool's "
+        "tip: no cutting edge is so far from it")
 
 
 def test_a_torque_about_the_tool_alone_is_none_of_the_forces(tmp_path: Path) -> None:
