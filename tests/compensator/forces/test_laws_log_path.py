@@ -95,7 +95,8 @@ def test_of_two_layers_the_one_that_is_nearer_by_half_is_taken(
     """Each 201 rows, so many millimetres above the path, with a way in the air between; else the first. Under a tenth of a
     millimetre both are on it."""
     lift = np.linspace([1000 + REACH, 0, 750], [1000, 0, 750], 30)
-    place = np.concatenate([along() + [0, 0, first], lift, along() + [0, 0, second]])
+    lower, upper = (along() + np.array([0, 0, height]) for height in (first, second))
+    place = np.concatenate([lower, lift, upper])
     placed = on_path(by_position(tmp_path, place), path)
     [found] = [one for one in placed.findings if one.code == "CS3128"]
     rows = (2, 202) if taken == 1 else (233, 433)
