@@ -328,7 +328,8 @@ def test_a_table_needs_speed_material_and_feed(
 
 
 @pytest.mark.parametrize(("unknown", "said"), [
-    (0, ""), (2, "the feed of 2 of 6 moves that may cut is not known: the chip is that of the others, 45 mm/s or 0.1 mm a tooth")])
+    (0, ""),
+    (2, "the feed of 2 of 6 moves that may cut is not known: the chip is that of the others, 45 mm/s or 0.1 mm a tooth")])
 def test_moves_whose_feed_is_not_known_are_told(tmp_path: Path, unknown: int, said: str) -> None:
     cell = read_cell(write_cell(tmp_path, CELL + "force_log: {spindle_rpm: 9000}\n"
                                 "cutting: {tool_diameter_mm: 16, teeth: 3, material: aluminium}\n"))
