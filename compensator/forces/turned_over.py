@@ -98,7 +98,7 @@ def said_of_moments(
     turned_by = _turned_by(arm, force, moment, left)
     if FACTOR[0] < factor < FACTOR[1] and left <= FITS and not turned_by:
         return []
-    signs = min((signs for signs, (one, _) in readings.items() if one > 0), key=lambda signs: readings[signs][1])
+    signs = min(readings, key=lambda signs: (readings[signs][0] <= 0, readings[signs][1]))
     other, least = readings[signs]
     turned = [name for name, sign in zip(("fx", "fy", "fz"), signs, strict=True) if sign < 0]
     if turned and least <= FITS and left > LESS * least:
@@ -161,8 +161,9 @@ def _of_no_cutter(load: Array, cell: Cell, source: str) -> list[Finding]:
     force, moment = (float(np.sqrt(np.mean(np.sum(part**2, axis=1)))) for part in (load[:, :3], load[:, 3:]))
     if moment <= LONGEST_ARM * force:
         return []
+    size = f"{1e3 * moment / force:.0f} mm times its forces" if force else f"{moment:.3g} N m and its forces nothing"
     return [Finding(
-        "CS3127", "warning", f"the moments in this log are {1e3 * moment / force:.0f} mm times its forces (RMS), and in the "
-        f"frame {cell.force_log.kind} about the tool's tip: no cutting edge is so far from it", file=source,
+        "CS3127", "warning", f"the moments in this log are {size} (RMS), and in the frame {cell.force_log.kind} about the "
+        "tool's tip: no cutting edge is so far from it", file=source,
         hint="are they about the sensor's own origin, and along its own axes? Then force_log.frame: sensor, with "
         "sensor_position_mm and sensor_quaternion")]

@@ -12,6 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from compensator.coefficients.fit import (
+    _chips,
     _covered,
     before,
     check_in_the_stock,
@@ -27,7 +28,7 @@ from compensator.coefficients.next_cut import next_cut
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import cut_of
 from compensator.cutting.materials import coefficients_of
-from identification.common.findings import Finding, Refused
+from identification.common.findings import CompstiffError, Finding, Refused
 from identification.model.cell import read_cell
 from tests.compensator.cutting.milled import FLAT, TRUE
 from tests.compensator.cutting.test_laws_posterior import textbook
@@ -294,3 +295,47 @@ def test_a_line_is_there_where_it_says_something(change: dict[str, Any], line: s
     (0.1, False, "conventional milling 10 % of the diameter wide at 0.125 mm a tooth")])
 def test_a_cut_is_named(width: float, climb: bool, words: str) -> None:
     assert OneCut(width, climb, 0.125e-3).words() == words
+
+
+def test_the_chips_of_a_log_are_all_but_what_it_seldom_cut() -> None:
+    """Half a per cent of the time at either end; what cuts nothing, or is not known to, does not count. In any order."""
+    chip = 1e-3 * np.array([0.08, 0.5, 0.01, 0.12, 0.02, 0.1, 0.9, 0.7])
+    time = np.array([60.0, 0.4, 0.4, 20, 0.6, 18, 50, 50])
+    engagement = SimpleNamespace(cuts=np.arange(8) != 6, unknown=np.arange(8) == 7)
+    cut: Any = SimpleNamespace(engagement=engagement, track=SimpleNamespace(chip=chip), time=time)
+    # Of 99.4 s the first 0.4 are under half a per cent, and so are the last.
+    assert _chips(cut) == pytest.approx((0.02e-3, 0.12e-3))
+    cut.time = np.array([60.0, 0.6, 0.6, 20, 0.6, 18, 50, 50])
+    assert _chips(cut) == pytest.approx((0.01e-3, 0.5e-3))
+
+
+@pytest.mark.parametrize(("rpm", "stated", "feed", "code", "words"), [
+    (None, None, 0.045, "CS4703", "the chip's thickness needs the spindle's speed"),
+    (9000.0, "", 0.045, "CS4731", "cutting.material is not stated"),
+    (9000.0, None, np.nan, "CS4731", "the program states no feed")])
+def test_a_table_needs_speed_material_and_feed(
+    tmp_path: Path, rpm: float | None, stated: str | None, feed: float, code: str, words: str
+) -> None:
+    """Half of the moves are in the air, whose feed does not count."""
+    material = ", material: aluminium" if stated is None else ""
+    speed = "" if rpm is None else f"force_log: {{spindle_rpm: {rpm:g}}}\n"
+    cell = read_cell(write_cell(tmp_path, CELL + speed + f"cutting: {{tool_diameter_mm: 16, teeth: 3{material}}}\n"))
+    program: Any = SimpleNamespace(toolpath=SimpleNamespace(
+        feed=np.where(np.arange(8) < 4, 0.4, feed), by_joints=np.zeros(8, bool), cutters=(), source="part.mod"),
+        air=np.arange(8) < 4, source=None)
+    with pytest.raises(CompstiffError, match=f"{code}.*{words}"):
+        table_coefficients(cell, program)
+
+
+@pytest.mark.parametrize(("unknown", "said"), [
+    (0, ""),
+    (2, "the feed of 2 of 6 moves that may cut is not known: the chip is that of the others, 45 mm/s or 0.1 mm a tooth")])
+def test_moves_whose_feed_is_not_known_are_told(tmp_path: Path, unknown: int, said: str) -> None:
+    cell = read_cell(write_cell(tmp_path, CELL + "force_log: {spindle_rpm: 9000}\n"
+                                "cutting: {tool_diameter_mm: 16, teeth: 3, material: aluminium}\n"))
+    feed = np.array([0.4, 0.4, *[0.045] * 6])
+    feed[2:2 + unknown] = np.nan
+    program: Any = SimpleNamespace(toolpath=SimpleNamespace(
+        feed=feed, by_joints=np.zeros(8, bool), cutters=(), source="part.mod"), air=np.arange(8) < 2, source=None)
+    found = [one for one in table_coefficients(cell, program).findings if one.code == "CS4753"]
+    assert [(one.level, one.file, one.message) for one in found] == ([("warning", "part.mod", said)] if said else [])

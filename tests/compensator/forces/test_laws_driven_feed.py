@@ -42,6 +42,35 @@ def test_the_override_is_told(tmp_path: Path, column: str, share: float, said: s
     assert [said in message for message in found] == ([True] if said else [])
 
 
+@pytest.mark.parametrize(("share", "count", "told"), [
+    (0.74, COUNT, True), (0.76, COUNT, False), (1.24, COUNT, False), (1.26, COUNT, True), (0.5, 22, True), (0.5, 21, False)])
+def test_an_override_is_one_under_three_quarters_or_over_five_of_twenty_moves(
+    tmp_path: Path, share: float, count: int, told: bool
+) -> None:
+    """The log ends within the last move, whose time is not known."""
+    found = driven(tmp_path, np.array([share * FEED]), count=count)
+    percent = f"{100 * share:.0f} %"
+    named = f"driven at {percent} of their feed (nine in ten under {percent}): the force is that of another feed"
+    assert [message.endswith(named) for message in found] == [True] * told
+
+
+@pytest.mark.parametrize(("slow", "told"), [(31, True), (28, False)])
+def test_nine_tenths_of_the_cut_by_time_are_driven_slower_where_an_override_is_on(
+    tmp_path: Path, slow: int, told: bool
+) -> None:
+    """Moves of 10 mm at a third of the feed, and the rest of 39 at the feed: 92 % of the time, or 88 %."""
+    feed = np.where(np.arange(39) < slow, FEED / 3, FEED)
+    found = driven(tmp_path, feed)
+    assert [message.split("driven at ")[1].split(": ")[0] for message in found] == [
+        "33 % of their feed (nine in ten under 33 %)"] * told
+
+
+@pytest.mark.parametrize(("fast", "told"), [(25, True), (20, False)])
+def test_half_of_the_cut_by_time_is_driven_faster_where_an_override_is_on(tmp_path: Path, fast: int, told: bool) -> None:
+    """At one and a half times the feed, so that 25 moves of 39 take 54 % of the time and 20 take 41 %."""
+    assert bool(driven(tmp_path, np.where(np.arange(39) < fast, 1.5 * FEED, FEED))) == told
+
+
 @pytest.mark.parametrize(("unit", "named"), [(1e3, "milliseconds"), (1e6, "microseconds")])
 def test_a_time_in_another_unit_is_told_as_such_and_not_as_an_override(tmp_path: Path, unit: float, named: str) -> None:
     [message] = driven(tmp_path, np.array([0.8 * FEED]), unit=unit)

@@ -73,6 +73,25 @@ def test_the_samples_stand_where_the_tool_was(tmp_path: Path, waits: dict[int, f
     assert np.median(np.abs(PLACES[number] - place)[cuts]) > 0.5 or waits
 
 
+def test_a_program_that_begins_and_ends_in_the_cut_is_placed_from_end_to_end(tmp_path: Path) -> None:
+    """Half a way at either end, as far as its targets."""
+    places, feeds = np.array([0.0, 10.0, 16.0, 30.0, 40.0]), np.array([100.0, 20.0, 20.0, 20.0, 20.0])
+    time, place, number = driven(100.0, {}, 1.0, places, feeds)
+    log = placed(tmp_path, time, number, places=places, feeds=feeds)
+    assert log.key == "path_mm"
+    assert np.abs(1e3 * log.place - place).max() < 2 * 20 / 100
+    assert 1e3 * log.place[[0, -1]] == pytest.approx([0, 40], abs=0.2)
+
+
+@pytest.mark.parametrize(("rows", "key"), [(8, "path_mm"), (7, "target")])
+def test_eight_rows_of_the_middling_target_tell_what_lies_between(tmp_path: Path, rows: int, key: str) -> None:
+    """Targets 10 mm apart at 20 mm/s: half a second each, a quarter at the ends."""
+    places, feeds = np.arange(0.0, 60, 10), np.array([100.0, *[20.0] * 5])
+    time, _, number = driven(2.0 * rows, {}, 1.0, places, feeds)
+    assert np.median(np.bincount(number)) == rows
+    assert placed(tmp_path, time, number, places=places, feeds=feeds).key == key
+
+
 def test_a_log_that_tells_nothing_between_names_its_targets(tmp_path: Path) -> None:
     """One without time whose targets have nearly as many samples each, one of few samples, and one that goes back."""
     time, _, number = driven(100.0, {})

@@ -139,6 +139,33 @@ def test_placed_forces_ask_the_moments(tmp_path: Path, gain: float) -> None:
     assert ("CS3127" in {finding.code for finding in found}) == (gain != 1.0)
 
 
+def test_moments_of_no_force_are_told(tmp_path: Path) -> None:
+    (tmp_path / "cell.yaml").write_text(CELL + "force_log: {frame: tool}\n")
+    load = np.zeros((20, 6))
+    load[:, 5] = 1.5
+    [found] = said_of_moments(load, np.broadcast_to(np.eye(3), (20, 3, 3)), np.zeros((20, 3)), np.ones(20, dtype=bool),
+                              read_cell(tmp_path / "cell.yaml"), "log")
+    assert (found.code, found.message) == (
+        "CS3127", "the moments in this log are 1.5 N m and its forces nothing (RMS), and in the frame tool about the tool's "
+        "tip: no cutting edge is so far from it")
+
+
+def test_a_torque_about_the_tool_alone_is_none_of_the_forces(tmp_path: Path) -> None:
+    """A sensor on the tool's axis that logs the spindle's torque, and zeros about the two axes across: no arm makes that."""
+    (tmp_path / "cell.yaml").write_text("robot: irb6660-205-1.90\ntool: {position_mm: [0, 0, 250]}\nforce_log: {frame: sensor, "
+                                        "sensor_quaternion: [1, 0, 0, 0], sensor_position_mm: [0, 0, 0]}\n")
+    moves = "\n".join(f"MoveL [[{1000 + 10 * k},0,700],[1,0,0,0],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;"
+                      for k in range(12))
+    cell = read_cell(tmp_path / "cell.yaml")
+    path = robot_path(read_rapid(f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n".encode(), "m.mod").toolpath, cell)
+    rows = np.array([[k, -40, 90, 20, 0, 0, 1.5 + 0.1 * k] for k in range(12)])
+    (tmp_path / "forces.csv").write_text(log_text("target,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm", rows))
+    placed = place_forces(read_force_log(tmp_path / "forces.csv"), path, cell)
+    assert placed.wrench[3, 5] == pytest.approx(1.8)
+    assert [one.message for one in placed.findings if one.code == "CS3127"] == [
+        "the moments in this log are not those of its forces at the tool's tip: 100 % of them is not"]
+
+
 @pytest.mark.parametrize(("stated", "said"), [
     ("[0.8660254, 0, 0, 0.5]", None), ("[0.8660254, 0, 0, -0.5]", "turned the other way"),
     ("[0, 0, 0.5, 0.8660254]", "read as x y z w"),

@@ -321,6 +321,16 @@ def test_a_place_is_looked_for_within_a_quarter_of_the_path(path: RobotPath, sha
         assert far == pytest.approx(262 * share, abs=262 / 240 + 0.5)
 
 
+@pytest.mark.parametrize("last", [0, 9])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_log_without_a_force_where_the_other_has_one_agrees_with_nothing(path: RobotPath, last: int, swapped: bool) -> None:
+    """A pass in the air, or one that cut at the last nine of sixty targets alone: no sign, and no place along the path."""
+    there, none = 1000 * A, 1000 * A * (np.arange(COUNT) >= COUNT - last)[:, None]
+    [(code, level, message)] = said_of(path, none, there) if swapped else said_of(path, there, none)
+    assert (code, level) == ("CS3114", "error")
+    assert message.endswith("and no sign, frame, displacement or zero mends it")
+
+
 @pytest.mark.parametrize(("thin", "told"), [(0.0018, False), (0.0022, True)])
 def test_forces_along_one_line_tell_no_other_axes(path: RobotPath, thin: float, told: bool) -> None:
     """Square to each other, their energies in this ratio: singular values of b^T a are so, too, of b turned by a quarter."""

@@ -273,9 +273,11 @@ def test_a_rigid_displacement_is_set_up() -> None:
     assert np.allclose(drift[:, 2], np.minimum(np.linspace(0, 2, 50), 1))
 
 
-def test_the_posterior_is_that_of_the_normal_equations() -> None:
+@pytest.mark.parametrize("places", [40, 60])
+def test_the_posterior_is_that_of_the_normal_equations(places: int) -> None:
+    """Carried by all of 40 places, and by 48 of 60."""
     rng = np.random.default_rng(4)
-    given = terms(rng)
+    given = terms(rng, places=places)
     sizes = Sizes(1.3, 5e-6, 0.0, 15e-6, 0.1)
     given = replace(given, residual=drawn(given, sizes, rng, 1)[0][:, 0])
     found = posterior(given, sizes)
@@ -293,7 +295,7 @@ def test_the_posterior_is_that_of_the_normal_equations() -> None:
     assert np.allclose(found.mean[15:], free @ mean[15:], rtol=1e-4, atol=1e-9)
     assert np.allclose(found.covariance[:6, :6], covariance[:6, :6], rtol=1e-4, atol=1e-12)
     assert np.allclose(found.covariance[:6, 15:], covariance[:6, 15:] @ free.T, rtol=1e-3, atol=1e-10)
-    assert len(remainder.places) == 40
+    assert len(remainder.places) == min(places, 48)
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 20e-6])
@@ -417,6 +419,32 @@ def test_a_remainder_of_the_wrong_sign_is_seen_on_what_was_left_out(wrong: float
     assert found is not None
     assert found.gain > 0.2 if wrong > 0 else found.gain < -0.5
     assert (found.better < -2) == (wrong < 0)
+
+
+def test_stretches_are_left_out_one_after_the_other_and_told_by_the_rest() -> None:
+    """Eight of five places each, by normal equations of the others; what is gained in standard errors of the stretches'
+    means of squares. A remainder is none here, and fifteen places are too few."""
+    rng, about = np.random.default_rng(14), Sizes(1.0, 2e-6, 1e-4)
+    given = terms(rng)
+    given = replace(given, residual=drawn(given, NOISE, rng, 1)[0][:, 0])
+    found = held_out(given, about)
+    assert found is not None
+    left = np.empty(120)
+    for first in range(0, 40, 5):
+        out = (given.rows.place >= first) & (given.rows.place < first + 5)
+        rest = given.select(~out)
+        noise = noise_covariance(rest, without_remainder(rest, about, 4))
+        prior = np.diag(1 / np.diag(given.physical_prior))
+        solved = np.linalg.solve(noise, np.column_stack([rest.physical, rest.residual]))
+        mean = np.linalg.solve(rest.physical.T @ solved[:, :-1] + prior, rest.physical.T @ solved[:, -1])
+        left[out] = given.residual[out] - given.physical[out] @ mean
+    won = (given.residual**2 - left**2).reshape(8, 15).mean(axis=1)
+    assert (found.known, found.physical, found.learned) == pytest.approx((rms(given.residual), rms(left), rms(left)), rel=1e-6)
+    assert found.better == pytest.approx(won.mean() / (won.std(ddof=1) / np.sqrt(8)), rel=1e-5)
+    assert found.stretches == 8
+    for places in (15, 16):
+        few = terms(rng, places=places)
+        assert (held_out(few, about) is None) == (places < 16)
 
 
 def test_where_nothing_was_learned_of_the_remainder_nothing_is_added() -> None:
