@@ -33,7 +33,7 @@ LONGEST_S = 300
 
 import numpy as np
 
-from compstiff.milling_poses import milling_poses
+from compstiff.poses_of_program import milling_poses
 from identification.design.constraints import Margins
 from identification.design.criteria import a_criterion, d_criterion, e_criterion, i_criterion
 from identification.design.domain import TOLERANCE, Domain, random_pool

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from compstiff.batch.watch import watch_folder
     from compstiff.cell_folder import CellAnswers, new_cell
     from compstiff.file_checks import check_files
-    from compstiff.milling_poses import milling_poses
+    from compstiff.poses_of_program import milling_poses
     from compstiff.writing import report, write
     from identification.common.catalogue import explain_code
     from identification.common.findings import CompstiffError, Finding
@@ -89,7 +89,7 @@ _FILES = {
     "compstiff.batch.watch": ("watch_folder",),
     "compstiff.cell_folder": ("CellAnswers", "new_cell"),
     "compstiff.file_checks": ("check_files",),
-    "compstiff.milling_poses": ("milling_poses",),
+    "compstiff.poses_of_program": ("milling_poses",),
     "compstiff.writing": ("report", "write"),
     "identification.common.catalogue": ("explain_code",),
     "identification.common.findings": ("CompstiffError", "Finding"),

@@ -62,6 +62,8 @@ def test_the_table_says_what_the_type_checker_is_told() -> None:
     told = {alias.name: node.module for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
     assert told == compstiff._FILE_OF
     assert set(compstiff.__all__) == set(told) <= set(dir(compstiff))
+    # Whoever imports a module, as unpickling does, sets the package's attribute of its name.
+    assert not {f"compstiff.{name}" for name in told} & set(told.values())
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
         compstiff.nothing  # noqa: B018
 
