@@ -13,6 +13,7 @@ from compensator.correction.posture import Advice
 from identification.model.rotations import Frame as Goal
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import line
+from tests.runs.command_line.test_refusals import at
 from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation
 
 FORCE = np.array([250.0, 60.0, -40.0])
@@ -88,11 +89,47 @@ def test_the_gain_is_what_the_turned_tool_gets(tmp_path: Path) -> None:
     assert "Posture:" in job.correct("--force", "--advise").out
 
 
-def test_turns_end_where_a_joint_does(tmp_path: Path) -> None:
-    """The range ends by a reason, and one step beyond it the arm is outside its limits, out of reach or at the singularity."""
-    path = line(3, 10)
-    job = Job(tmp_path, program=path.program(), forces="target,fx_n,fy_n,fz_n\n0,0,100,0\n1,0,100,0\n2,0,100,0\n")
+# As the robot's file has them [deg].
+LOW, HIGH = np.array([-180, -42, -20, -300, -120, -360]), np.array([180, 85, 120.5, 300, 120, 360])
+
+
+def followed(start: list[float], turn: int) -> list[np.ndarray]:
+    """Joint angles [deg] of the independent arm at each whole degree on the way to a turn about the tool's axis; no more of
+    them where it does not come that far."""
+    q, found = np.radians(start), []
+    goal = kit.tcp_pose(IRB6660, q, TOOL)
+    for degrees in range(1, abs(turn) + 1):
+        about = Rotation.from_euler("z", degrees * np.sign(turn), degrees=True)
+        try:
+            q = kit.solve(IRB6660, Frame(goal.p, goal.r * about) @ TOOL.inv(), q)
+        except (AssertionError, np.linalg.LinAlgError):
+            return found
+        found.append(np.degrees(q))
+    return found
+
+
+@pytest.mark.parametrize(("start", "ends"), [
+    ([12.0, 18, 22, 25, 48, -30], ("limit of joint 5", "limit of joint 5")),
+    ([10.0, 10, 10, 20, 30, 250], ("out of reach", "near the wrist's singularity")),
+    ([0.0, 30, -10, -60, 100, 0], ("limit of joint 3", "limit of joint 5")),
+    ([-20.0, 40, 30, 120, 70, 10], ("limit of joint 5", "out of reach"))])
+def test_turns_end_where_a_joint_does(tmp_path: Path, start: list[float], ends: tuple[str, str]) -> None:
+    """Every fifth degree up to the end the independent arm is within its limits and five degrees off the singularity, and at
+    the next it is not, by the reason that is told."""
+    job = Job(tmp_path, kit.cell_text(), at(start), forces="target,fx_n,fy_n,fz_n\n0,0,100,0\n")
     told = job.correct("--json", "--advise").json["result"]["posture"]
-    for end, why in zip(told["possible_deg"], told["ends_by"], strict=True):
-        assert abs(end) <= 180
-        assert (abs(end) == 180) == (why == "half a turn")
+    assert tuple(told["ends_by"]) == ends
+    for end, why in zip(told["possible_deg"], ends, strict=True):
+        turn = int(end) + (5 if end > 0 else -5)
+        way = followed(start, turn)
+        for q in way[4:abs(int(end)):5]:
+            assert (q > LOW).all()
+            assert (q < HIGH).all()
+            assert abs(q[4]) > 5
+        if why == "out of reach":
+            assert abs(int(end)) <= len(way) < abs(turn)
+            continue
+        beyond = np.maximum(LOW - way[-1], way[-1] - HIGH)
+        assert len(way) == abs(turn)
+        assert why == (f"limit of joint {np.argmax(beyond) + 1}" if beyond.max() > 0 else "near the wrist's singularity")
+        assert beyond.max() > 0 or abs(way[-1][4]) < 5
