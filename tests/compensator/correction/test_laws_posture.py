@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import compstiff
 from compensator.correction import other_stance
 from compensator.correction.posture import Advice
 from identification.model.rotations import Frame as Goal
@@ -133,3 +134,51 @@ def test_turns_end_where_a_joint_does(tmp_path: Path, start: list[float], ends: 
         assert len(way) == abs(turn)
         assert why == (f"limit of joint {np.argmax(beyond) + 1}" if beyond.max() > 0 else "near the wrist's singularity")
         assert beyond.max() > 0 or abs(way[-1][4]) < 5
+
+
+def shifted_to(start: np.ndarray, shift: np.ndarray) -> np.ndarray | None:
+    """Joint angles [rad] of the independent arm with its tool moved so far [m], in steps of a centimetre; None where it does
+    not come there within its limits and five degrees off the singularity, asked every 100 mm."""
+    q, goal = start, kit.tcp_pose(IRB6660, start, TOOL)
+    steps = round(100 * float(np.abs(shift).max()))
+    for number in range(1, steps + 1):
+        try:
+            q = kit.solve(IRB6660, Frame(goal.p + shift * number / steps, goal.r) @ TOOL.inv(), q)
+        except (AssertionError, np.linalg.LinAlgError):
+            return None
+        degrees = np.degrees(q)
+        if number % 10 == 0 and ((degrees < LOW).any() or (degrees > HIGH).any() or abs(degrees[4]) < 5
+                                 or abs(degrees[2] - degrees[1]) > 70):
+            return None
+    return q
+
+
+@pytest.mark.parametrize(("start", "force"), [
+    ([12.0, 18, 22, 25, 48, -30], (60, 90, -120)), ([0.0, 30, -10, -60, 100, 0], (0, 0, 300)),
+    ([30.0, 50, 60, 90, 110, 0], (0, 90, 0)), ([10.0, -40, 30, 20, 30, 250], (90, 0, 0))])
+def test_the_best_place_is_the_one_where_the_independent_arm_gives_way_least(
+        tmp_path: Path, start: list[float], force: tuple[float, float, float]) -> None:
+    """Of those up to 300 mm along a base axis to which it comes step by step, under the same force."""
+    job = Job(tmp_path, kit.cell_text(), at(start), forces=f"target,fx_n,fy_n,fz_n\n0,{','.join(map(str, force))}\n").write()
+    cell = compstiff.read_cell(job.folder / "cell.yaml")
+    program = compstiff.read_toolpath(job.folder / "part.mod", cell)
+    model = compstiff.read_stiffness(job.folder / "stiffness.json", cell)
+    loaded = compstiff.predict(cell, program, model, job.folder / "forces.csv").loaded
+
+    def gives(q: np.ndarray) -> float:
+        return float(np.linalg.norm(kit.deviation(IRB6660, q, TOOL.p, np.r_[force, 0, 0, 0], K)))
+
+    best, least = np.zeros(3), gives(np.radians(start))
+    for axis in np.vstack([np.eye(3), -np.eye(3)]):
+        for number in (1, 2, 3):
+            q = shifted_to(np.radians(start), 0.1 * number * axis)
+            stance = other_stance.shifted(loaded, 0.1 * number * axis)
+            assert (stance is None) == (q is None)
+            if q is None or stance is None:
+                break
+            np.testing.assert_allclose(stance.theta, [q], atol=1e-6)
+            if gives(q) < least:
+                best, least = 0.1 * number * axis, gives(q)
+    found = other_stance.best_shift(loaded)
+    np.testing.assert_allclose(best if found is None else found, best, atol=1e-9)
+    assert (found is None) == (not best.any())
