@@ -369,3 +369,20 @@ def test_two_passes_tell_the_cut_where_most_of_the_program_pushes_along_its_feed
     found = run.json["result"]["cutting_stiffness"]
     assert (found["origin"], found["followed"]) == ("passes", True)
     assert found["n_per_mm"] == pytest.approx(300, rel=0.05)
+
+
+def test_what_stating_the_cut_would_gain_goes_by_the_targets_that_are_pushed_across(tmp_path: Path) -> None:
+    """Four of ten are; as if it were the middle of what their push allows (docs/formats.md: 0.75 of it by 0.75 mm, log-normal
+    to
+    0.8), stated to 0.4 of its logarithm."""
+    path = line(10, 5)
+    feed, left, _ = sideways(path)
+    forces = [60 * feed + 90 * left if k < 4 else -60 * feed for k in range(10)]
+    job = Job(tmp_path, program=path.program(), forces=HEAD + "".join(
+        f"{k},{','.join(f'{x:.9f}' for x in force)}\n" for k, force in enumerate(forces)))
+    options = ("--json", "--force", "--budget", "--tolerance-um", "50")
+    told = job.predict(*options).json["result"]["budget"]["remedies"]
+    (remedy,) = (one for one in told if one["do"].startswith("state the cut in cell.yaml"))
+    value = 90.0 * np.exp(0.8**2 / 2)
+    stated = job.predict(*options, "--cutting-stiffness", f"{value}:{value * np.sqrt(np.expm1(0.4**2))}")
+    assert remedy["two_sigma_um"] == pytest.approx(stated.json["result"]["budget"]["two_sigma_um"], rel=1e-3)
