@@ -373,8 +373,7 @@ def test_two_passes_tell_the_cut_where_most_of_the_program_pushes_along_its_feed
 
 def test_what_stating_the_cut_would_gain_goes_by_the_targets_that_are_pushed_across(tmp_path: Path) -> None:
     """Four of ten are; as if it were the middle of what their push allows (docs/formats.md: 0.75 of it by 0.75 mm, log-normal
-    to
-    0.8), stated to 0.4 of its logarithm."""
+    to 0.8), stated to 0.4 of its logarithm."""
     path = line(10, 5)
     feed, left, _ = sideways(path)
     forces = [60 * feed + 90 * left if k < 4 else -60 * feed for k in range(10)]
