@@ -142,7 +142,7 @@ def _places(corrected: Corrected, tolerance: float) -> tuple[Place, ...]:
         return ()
     causes = np.array([getattr(left, cause) for cause in CAUSES])
     at = corrected.predicted.targets[over]
-    line = given.line[np.minimum(np.searchsorted(kept, at), len(kept) - 1)]
+    line = given.line[np.searchsorted(kept, at)]
     found = []
     for run in np.split(np.arange(len(over)), np.flatnonzero(np.diff(at) > NEAR) + 1):
         worst = over[run[np.argmax(two[over[run]])]]

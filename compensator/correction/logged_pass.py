@@ -154,7 +154,11 @@ def of_passes(
         return prior, ()
     if prior is None:
         _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
-        before = of_force(float(np.median(across[predicted.targets])), predicted.settings.correction.taken_depth)
+        push = across[predicted.targets]
+        if not push.any():
+            return None, ()
+        # Where most of a program pushes along its feed the middle of all is nothing.
+        before = of_force(float(np.median(push[push > 0])), predicted.settings.correction.taken_depth)
     else:
         before = Estimate(prior.value, prior.std)
     falls = of_either_sign(Estimate(0.0, 1e3 * before.value), pairs)

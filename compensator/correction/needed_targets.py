@@ -129,8 +129,7 @@ def _too_steep(wanted: Wanted, at: Indices, value: Array, before: Indices) -> Ma
     if np.isfinite(wanted.slope):
         for number in (before, np.minimum(before + 1, len(at) - 1)):
             change = np.abs(wanted.deviation - value[number]).max(axis=1)
-            limit = np.where(wanted.corner[at[number]], np.inf, wanted.slope)
-            steep |= change > limit * np.abs(wanted.place - wanted.place[at[number]])
+            steep |= ~wanted.corner[at[number]] & (change > wanted.slope * np.abs(wanted.place - wanted.place[at[number]]))
     return steep
 
 
@@ -181,6 +180,6 @@ def beyond_noise(off: Array, noise: Array, enough: float) -> Array:
         first, last = np.maximum(number - half, 0), np.minimum(number + half + 1, count)
         size = last - first
         mean = np.linalg.norm(sum_off[last] - sum_off[first], axis=1) / size
-        unsure = SIGMAS * np.sqrt(np.maximum(sum_square[last] - sum_square[first], 0.0)) / size
+        unsure = np.where(wanting, SIGMAS * np.sqrt(np.maximum(sum_square[last] - sum_square[first], 0.0)) / size, unsure)
         certain = np.where(wanting, np.maximum(certain, mean - unsure), certain)
     return np.asarray(np.maximum(certain, 0.0))

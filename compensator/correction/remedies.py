@@ -132,10 +132,13 @@ def _next_pass(corrected: Corrected) -> Array:
         corrected.logged, offsets=PassOffsets.of_written(offsets, predicted.path, corrected.kept)))
 
 
-def _known_cut(corrected: Corrected) -> Array:
+def _known_cut(corrected: Corrected) -> Array | None:
     predicted = corrected.predicted
     _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
-    value = of_force(float(np.median(across[predicted.targets])), predicted.settings.correction.taken_depth).value
+    push = across[predicted.targets]
+    if not push.any():
+        return None
+    value = of_force(float(np.median(push[push > 0])), predicted.settings.correction.taken_depth).value
     std = value * float(np.sqrt(np.expm1(WIDTH**2)))
     stated = CuttingStiffness(value, std, "material", mean_std=std, climb_only=True)
     return _again(corrected, predicted, replace(corrected.logged, stiffness=stated))

@@ -129,7 +129,7 @@ def risk(
         median = -by(before, moved)
         mean = median - by(shift, moved)
         std = np.sqrt(np.einsum("ni,nij,nj->n", moved, of_springs, moved))
-        one_way = (median > 0) & (mean >= median) & (mean > std)
+        one_way = (median > 0) & (mean >= median)
         spread[one_way] = std[one_way] / mean[one_way]
         lift[one_way] = mean[one_way] / median[one_way] - 1
     return Risk(by(moved, moved), by(before, moved), by(along, moved), by(along, before), by(moved, seen), by(along, seen),

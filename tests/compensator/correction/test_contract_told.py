@@ -341,3 +341,47 @@ def test_forces_that_hardly_move_the_tool_are_told(tmp_path: Path, largest: floa
     assert [(one["level"], one["file"], one["message"]) for one in of_code(run, "CS4125")] == [
         ("warning", str(tmp_path / "part.mod"),
          f"the largest predicted deviation is {largest:.2g} um, with forces of up to {size:.3g} N")] * said
+
+
+def test_two_passes_tell_the_cut_where_most_of_the_program_pushes_along_its_feed(tmp_path: Path) -> None:
+    """42 targets that are pushed to the left, as in climb milling, by 300 N/mm more where they stand deeper; 48 against the
+    feed."""
+    path = line(90, 2)
+    feed, left, _ = sideways(path)
+    push = np.where(np.arange(90) < 42, 90.0, 0.0)
+    forces = np.outer(np.where(push > 0, 60.0, -60.0), feed) + np.outer(push, left)
+
+    def text(times: np.ndarray) -> str:
+        return HEAD + "".join(f"{k},{','.join(f'{x:.9f}' for x in force)}\n" for k, force in enumerate(times[:, None] * forces))
+
+    job = Job(tmp_path, program=path.program(), forces=text(np.ones(90)))
+    assert job.correct("--keep-targets").code == 0
+    (tmp_path / "first.csv").write_text(job.forces)
+    (tmp_path / "applied.csv").write_bytes(job.offsets_file.read_bytes())
+    sent = np.array([kit.work_object().r.apply(b.p - a.p) for a, b in zip(
+        kit.targets_of(str(job.program)), kit.targets_of(job.out.read_text()), strict=True)]) @ left
+    aside = kit.deviation(IRB6660, np.array(path.q), TOOL.p, np.pad(forces, ((0, 0), (0, 3))), K) @ left
+    # Where the force is the share g more the tool stands by -sent - g aside deeper.
+    job.forces = text(1 + np.where(push > 0, -3e5 * sent / (90 + 3e5 * aside), 0.0))
+    run = job.correct("--json", "--force", "--keep-targets", "--logged-with", tmp_path / "applied.csv", "--first-forces",
+                      tmp_path / "first.csv")
+    assert run.code == 0, run
+    found = run.json["result"]["cutting_stiffness"]
+    assert (found["origin"], found["followed"]) == ("passes", True)
+    assert found["n_per_mm"] == pytest.approx(300, rel=0.05)
+
+
+def test_what_stating_the_cut_would_gain_goes_by_the_targets_that_are_pushed_across(tmp_path: Path) -> None:
+    """Four of ten are; as if it were the middle of what their push allows (docs/formats.md: 0.75 of it by 0.75 mm, log-normal
+    to 0.8), stated to 0.4 of its logarithm."""
+    path = line(10, 5)
+    feed, left, _ = sideways(path)
+    forces = [60 * feed + 90 * left if k < 4 else -60 * feed for k in range(10)]
+    job = Job(tmp_path, program=path.program(), forces=HEAD + "".join(
+        f"{k},{','.join(f'{x:.9f}' for x in force)}\n" for k, force in enumerate(forces)))
+    options = ("--json", "--force", "--budget", "--tolerance-um", "50")
+    told = job.predict(*options).json["result"]["budget"]["remedies"]
+    (remedy,) = (one for one in told if one["do"].startswith("state the cut in cell.yaml"))
+    value = 90.0 * np.exp(0.8**2 / 2)
+    stated = job.predict(*options, "--cutting-stiffness", f"{value}:{value * np.sqrt(np.expm1(0.4**2))}")
+    assert remedy["two_sigma_um"] == pytest.approx(stated.json["result"]["budget"]["two_sigma_um"], rel=1e-3)

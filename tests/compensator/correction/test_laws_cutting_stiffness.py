@@ -26,6 +26,7 @@ from compensator.correction.cutting_stiffness import ZERO, CuttingStiffness, Pas
 from compensator.correction.known_slot import through_zero
 from compensator.correction.logged_pass import known_before, of_passes
 from compensator.correction.settings import CorrectionSettings, Estimate
+from compensator.correction.slot_cut import in_full_slot
 from compstiff.cli.options import ScaledEstimate
 from identification.common.autocorrelation import autocorrelation_time
 from identification.model.cell_file import CuttingFile
@@ -340,3 +341,41 @@ def test_depths_are_drawn_log_normally(settings: CorrectionSettings | None, midd
     assert weight.sum() == pytest.approx(1)
     for power in (-2, -1, 1, 2):
         assert weight @ depth**power == pytest.approx(middle**power * np.exp((power * width) ** 2 / 2), rel=1e-3)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8])
+def test_two_passes_in_a_slot_weigh_against_what_was_known(memory: float) -> None:
+    """By precisions: of the slope through zero by a zero of 2 N, which all targets share, and by the scatter about the slope,
+    whose neighbours remember each other; of which at most all targets count as one. Never negative."""
+    rng = np.random.default_rng(23)
+    deeper, noise = rng.uniform(-20e-6, 90e-6, 50), rng.normal(0, 5, 50)
+    for i in range(1, 50):
+        noise[i] = memory * noise[i - 1] + np.sqrt(1 - memory**2) * noise[i]
+    prior = Estimate(2e5, 1e5)
+    for truth in (3e5, -9e5):
+        change = truth * deeper + noise
+        slope = np.linalg.lstsq(deeper[:, None], change, rcond=None)[0][0]
+        rest = change - slope * deeper
+        by_zero = 2 * np.abs(deeper).sum() / (deeper**2).sum()
+        tau = min(autocorrelation_time(rest).values, 50)
+        by_scatter = np.sqrt(np.mean(rest**2) * tau / (deeper**2).sum())
+        weights = np.array([1 / (by_zero**2 + by_scatter**2), 1e-10])
+        found = through_zero(prior, deeper, change)
+        assert found.value == pytest.approx(max(weights @ [slope, 2e5], 0.0) / weights.sum(), rel=1e-9)
+        assert found.std == pytest.approx(weights.sum() ** -0.5, rel=1e-9)
+        assert (found.value == 0) == (truth < 0)
+
+
+@pytest.mark.parametrize("count", [7, 8])
+def test_the_push_of_a_full_slot_is_the_middle_of_its_stretch_or_what_is_there(count: int) -> None:
+    """Stretches of their own, each with its own middle; beside a slot the push itself."""
+    rng = np.random.default_rng(4)
+    across = rng.uniform(50, 200, 40)
+    share = np.zeros(40)
+    share[3:3 + count], share[20:25], share[30:31] = 0.9, 0.51, 1.0
+    share[15] = 0.49
+    expected = across.copy()
+    for part in (slice(3, 3 + count), slice(20, 25), slice(30, 31)):
+        expected[part] = np.maximum(across[part], np.median(across[part]))
+    np.testing.assert_allclose(in_full_slot(share, across), expected)
+    np.testing.assert_array_equal(in_full_slot(0 * share, across), across)

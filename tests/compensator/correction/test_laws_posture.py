@@ -8,11 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import compstiff
 from compensator.correction import other_stance
 from compensator.correction.posture import Advice
 from identification.model.rotations import Frame as Goal
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import line
+from tests.runs.command_line.test_refusals import at
 from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation
 
 FORCE = np.array([250.0, 60.0, -40.0])
@@ -88,11 +90,95 @@ def test_the_gain_is_what_the_turned_tool_gets(tmp_path: Path) -> None:
     assert "Posture:" in job.correct("--force", "--advise").out
 
 
-def test_turns_end_where_a_joint_does(tmp_path: Path) -> None:
-    """The range ends by a reason, and one step beyond it the arm is outside its limits, out of reach or at the singularity."""
-    path = line(3, 10)
-    job = Job(tmp_path, program=path.program(), forces="target,fx_n,fy_n,fz_n\n0,0,100,0\n1,0,100,0\n2,0,100,0\n")
+# As the robot's file has them [deg].
+LOW, HIGH = np.array([-180, -42, -20, -300, -120, -360]), np.array([180, 85, 120.5, 300, 120, 360])
+
+
+def followed(start: list[float], turn: int) -> list[np.ndarray]:
+    """Joint angles [deg] of the independent arm at each whole degree on the way to a turn about the tool's axis; no more of
+    them where it does not come that far."""
+    q, found = np.radians(start), []
+    goal = kit.tcp_pose(IRB6660, q, TOOL)
+    for degrees in range(1, abs(turn) + 1):
+        about = Rotation.from_euler("z", degrees * np.sign(turn), degrees=True)
+        try:
+            q = kit.solve(IRB6660, Frame(goal.p, goal.r * about) @ TOOL.inv(), q)
+        except (AssertionError, np.linalg.LinAlgError):
+            return found
+        found.append(np.degrees(q))
+    return found
+
+
+@pytest.mark.parametrize(("start", "ends"), [
+    ([12.0, 18, 22, 25, 48, -30], ("limit of joint 5", "limit of joint 5")),
+    ([10.0, 10, 10, 20, 30, 250], ("out of reach", "near the wrist's singularity")),
+    ([0.0, 30, -10, -60, 100, 0], ("limit of joint 3", "limit of joint 5")),
+    ([-20.0, 40, 30, 120, 70, 10], ("limit of joint 5", "out of reach"))])
+def test_turns_end_where_a_joint_does(tmp_path: Path, start: list[float], ends: tuple[str, str]) -> None:
+    """Every fifth degree up to the end the independent arm is within its limits and five degrees off the singularity, and at
+    the next it is not, by the reason that is told."""
+    job = Job(tmp_path, kit.cell_text(), at(start), forces="target,fx_n,fy_n,fz_n\n0,0,100,0\n")
     told = job.correct("--json", "--advise").json["result"]["posture"]
-    for end, why in zip(told["possible_deg"], told["ends_by"], strict=True):
-        assert abs(end) <= 180
-        assert (abs(end) == 180) == (why == "half a turn")
+    assert tuple(told["ends_by"]) == ends
+    for end, why in zip(told["possible_deg"], ends, strict=True):
+        turn = int(end) + (5 if end > 0 else -5)
+        way = followed(start, turn)
+        for q in way[4:abs(int(end)):5]:
+            assert (q > LOW).all()
+            assert (q < HIGH).all()
+            assert abs(q[4]) > 5
+        if why == "out of reach":
+            assert abs(int(end)) <= len(way) < abs(turn)
+            continue
+        beyond = np.maximum(LOW - way[-1], way[-1] - HIGH)
+        assert len(way) == abs(turn)
+        assert why == (f"limit of joint {np.argmax(beyond) + 1}" if beyond.max() > 0 else "near the wrist's singularity")
+        assert beyond.max() > 0 or abs(way[-1][4]) < 5
+
+
+def shifted_to(start: np.ndarray, shift: np.ndarray) -> np.ndarray | None:
+    """Joint angles [rad] of the independent arm with its tool moved so far [m], in steps of a centimetre; None where it does
+    not come there within its limits and five degrees off the singularity, asked every 100 mm."""
+    q, goal = start, kit.tcp_pose(IRB6660, start, TOOL)
+    steps = round(100 * float(np.abs(shift).max()))
+    for number in range(1, steps + 1):
+        try:
+            q = kit.solve(IRB6660, Frame(goal.p + shift * number / steps, goal.r) @ TOOL.inv(), q)
+        except (AssertionError, np.linalg.LinAlgError):
+            return None
+        degrees = np.degrees(q)
+        if number % 10 == 0 and ((degrees < LOW).any() or (degrees > HIGH).any() or abs(degrees[4]) < 5
+                                 or abs(degrees[2] - degrees[1]) > 70):
+            return None
+    return q
+
+
+@pytest.mark.parametrize(("start", "force"), [
+    ([12.0, 18, 22, 25, 48, -30], (60, 90, -120)), ([0.0, 30, -10, -60, 100, 0], (0, 0, 300)),
+    ([30.0, 50, 60, 90, 110, 0], (0, 90, 0)), ([10.0, -40, 30, 20, 30, 250], (90, 0, 0))])
+def test_the_best_place_is_the_one_where_the_independent_arm_gives_way_least(
+        tmp_path: Path, start: list[float], force: tuple[float, float, float]) -> None:
+    """Of those up to 300 mm along a base axis to which it comes step by step, under the same force."""
+    job = Job(tmp_path, kit.cell_text(), at(start), forces=f"target,fx_n,fy_n,fz_n\n0,{','.join(map(str, force))}\n").write()
+    cell = compstiff.read_cell(job.folder / "cell.yaml")
+    program = compstiff.read_toolpath(job.folder / "part.mod", cell)
+    model = compstiff.read_stiffness(job.folder / "stiffness.json", cell)
+    loaded = compstiff.predict(cell, program, model, job.folder / "forces.csv").loaded
+
+    def gives(q: np.ndarray) -> float:
+        return float(np.linalg.norm(kit.deviation(IRB6660, q, TOOL.p, np.r_[force, 0, 0, 0], K)))
+
+    best, least = np.zeros(3), gives(np.radians(start))
+    for axis in np.vstack([np.eye(3), -np.eye(3)]):
+        for number in (1, 2, 3):
+            q = shifted_to(np.radians(start), 0.1 * number * axis)
+            stance = other_stance.shifted(loaded, 0.1 * number * axis)
+            assert (stance is None) == (q is None)
+            if q is None or stance is None:
+                break
+            np.testing.assert_allclose(stance.theta, [q], atol=1e-6)
+            if gives(q) < least:
+                best, least = 0.1 * number * axis, gives(q)
+    found = other_stance.best_shift(loaded)
+    np.testing.assert_allclose(best if found is None else found, best, atol=1e-9)
+    assert (found is None) == (not best.any())

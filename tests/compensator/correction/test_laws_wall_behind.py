@@ -104,6 +104,30 @@ def test_the_least_depth_on_the_way_to_the_corner_decides() -> None:
     np.testing.assert_array_equal(held(OFFSET, EARLY, PUSHED_BACK, Rotation.identity(), depth=depth), OFFSET)
 
 
+def test_the_depth_at_the_corner_itself_counts() -> None:
+    depth = np.full(COUNT, np.nan)
+    depth[CORNER] = 1.1 * EARLY
+    np.testing.assert_array_equal(held(OFFSET, EARLY, PUSHED_BACK, Rotation.identity(), depth=depth), OFFSET)
+
+
+def test_the_last_that_is_held_stays_within_what_the_one_behind_it_has_room_for() -> None:
+    """That one is not held: of one that asks for 22 um the step to it is no more than half of its square."""
+    offset = OFFSET.copy()
+    offset[12, :2] = [10e-6, -20e-6]
+    found = held(offset, EARLY, PUSHED_BACK, Rotation.identity())
+    assert found[11, 0] == pytest.approx(90e-6 - np.sqrt(0.5) * np.hypot(10e-6, 20e-6), abs=1e-12)
+    np.testing.assert_array_equal(found[12:], offset[12:])
+
+
+def test_what_was_asked_for_before_a_rise_farther_back_tells_nothing_of_the_corner() -> None:
+    """On the same line: the least is that since the last rise."""
+    offset = OFFSET.copy()
+    offset[:3, 0], offset[3, 0] = -200e-6, 0.0
+    found = held(offset, EARLY, PUSHED_BACK, Rotation.identity())
+    np.testing.assert_array_equal(found[:5], offset[:5])
+    np.testing.assert_allclose(found[6:10, 0], -60e-6 - SIGMA * 0.6, atol=1e-12)
+
+
 @pytest.mark.parametrize(("aside", "turned_in_stock"), [(0.3e-6, True), (0.14e-3, True), (0.17e-3, False)])
 def test_where_no_depth_is_told_it_is_one_that_nearly_all_cuts_have(aside: float, turned_in_stock: bool) -> None:
     """The log of a corrected pass, whose tool turns a hair early, has met the corner. 2 sigma below 0.75 mm, sigma 0.8 of the

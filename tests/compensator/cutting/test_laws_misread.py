@@ -97,7 +97,8 @@ ONE = np.array([1.0, 0, 0, 0, 0, 0])
 
 
 def read_of(
-    expected: np.ndarray, read: np.ndarray, scale: float = 1.0, width: float = 1e-6, frame: str = "base", model: float = 0.0
+    expected: np.ndarray, read: np.ndarray, scale: float = 1.0, width: float = 1e-6, frame: str = "base", model: float = 0.0,
+    aside: np.ndarray | None = None, position_std: float = 1e-4
 ) -> Reading | None:
     """What is told of a log that reads `read` (n, 3) where `expected` is, each component known to `scale` [N], all of the
     expected force to the share `width`, the model to `model`; in the base frame or in the tool's, whose x is its y."""
@@ -105,10 +106,10 @@ def read_of(
     weight, turned = np.zeros((count, 3, 6)), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     weight[:, :, 0] = expected
     error = np.full((count, 3), np.sqrt(scale**2 - 0.2**2))
-    rows = ForceRows(weight, read, error, np.zeros((count, 3, 3)), np.arange(count) * 1e-3)
+    rows = ForceRows(weight, read, error, np.zeros((count, 3, 3)) if aside is None else aside, np.arange(count) * 1e-3)
     axes = {name: np.broadcast_to(turn, (count, 3, 3)) for name, turn in (("base", np.eye(3)), ("tool", turned))}
     known = Coefficients(ONE, width**2 * np.diag(ONE) + 1e-12 * np.eye(6), model, Cutter(8e-3, 3), None, None, {})
-    return misread(rows, axes, frame, known, 1e-4, 1e-4)
+    return misread(rows, axes, frame, known, position_std, 1e-4)
 
 
 def to_and_fro(count: int, *size: float) -> np.ndarray:
@@ -135,6 +136,21 @@ def test_a_reading_is_told_that_leaves_about_a_third_of_the_force(share: float, 
     force, other = to_and_fro(64, 100, 60, 30), np.resize([1.0, 1, 1, 1, 1, 1, 1, 1, -1, -1, -1, -1, -1, -1, -1, -1], 64)
     rest = np.outer(other * np.resize([1.0, -1], 64), [0, 1, 0]) * np.sqrt(14500) * share / np.sqrt(1 - share**2)
     assert (read_of(force, -(force + rest), 20.0) is not None) == told
+
+
+@pytest.mark.parametrize(("zero", "aside_mm", "scale", "told"), [
+    (50.0, 0.1, 1.0, True), (0.0, 0.2, 1.0, True), (0.0, 2e-4, 1.0, False), (900.0, 0.1, 1.0, False), (120.0, 0.1, 1.0, True),
+    (120.0, 0.1, 20.0, False)])
+def test_the_sensor_s_zero_and_where_the_stock_stands_explain_what_they_can(
+        zero: float, aside_mm: float, scale: float, told: bool) -> None:
+    """50 N more than the cut has: as of a zero, which may be off by 2 N, of 64 rows whose mean is known to an eighth of one; or
+    as of a stock that stands aside by half a millimetre, of which the file says that it may be 0.2 mm, or next to nothing. Not
+    where that is far more than all of the force, nor where rows that are known to 20 N tell no zero."""
+    force, other = to_and_fro(64, 100, 60, 30), np.resize([1.0, 1, 1, 1, 1, 1, 1, 1, -1, -1, -1, -1, -1, -1, -1, -1], 64)
+    aside = np.zeros((64, 3, 3))
+    aside[:, 1, 0] = 10 * other * np.resize([1.0, -1], 64)
+    rest = [0, zero, 0] if zero else 5 * aside[:, :, 0]
+    assert (read_of(force, -(force + rest), scale, aside=aside, position_std=1e-3 * aside_mm) is not None) == told
 
 
 @pytest.mark.parametrize(("second", "scale", "told"), [
