@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from identification.model.compliance import compliance_matrix
 from identification.model.effects import Effect, effects
 from identification.model.effects_in_force import (
     EffectInForce,
@@ -24,6 +25,7 @@ from identification.model.effects_in_force import (
 from identification.model.law_of import LawOf, known, uncertain
 from identification.model.load_state import LoadState, load_state
 from identification.model.rotations import Frame
+from identification.model.stiffness import IdentifiedModel
 from tests.support import random_poses, robot
 
 TOOL = Frame.from_quaternion([0.12, -0.03, 0.25], [0.9, 0.1, -0.3, 0.2])
@@ -84,6 +86,7 @@ def test_slopes_are_the_derivatives_of_what_is_added() -> None:
     rows = toolpath()
     values = sized(rows, MANY)
     found = slopes(rows, MANY, values)
+    assert found.shape == (12, 6, 6 + len(values))
     for joint in range(6):
         ahead, behind = (added(toolpath(SOFT * np.exp(step * np.eye(6)[joint])), MANY, values) for step in (3e-4, -3e-4))
         wanted = (ahead - behind) / 6e-4
@@ -141,6 +144,58 @@ def test_squares_take_an_effect_and_its_own_law_together() -> None:
                        for part in (slice(3), slice(3, 6))], axis=1)
     assert_allclose(squares(rows, terms, values), wanted)
     assert_allclose(sizes(one)[:, 1], np.linalg.norm(one[:, 3:], axis=1) ** 2)
+
+
+@pytest.mark.parametrize("links", [False, True])
+def test_a_prediction_s_covariance_is_that_of_its_parameters_and_of_what_is_not_known(links: bool) -> None:
+    """Slopes by differences of predictions under a small load; beside them, alike in all directions, shares of what springs
+    yield where the links' weights are not known, and of what effects do; and of each force, whichever way it may be off."""
+    arm, rng = robot("irb6700-200-2.60"), np.random.default_rng(6)
+    if links:
+        arm = replace(arm, link_mass=np.array([500, 400, 300, 100, 40, 20.0]), link_centre=np.full((6, 3), 0.2))
+    theta = random_poses(arm, 4, rng, 0.6)
+    wrench = np.concatenate([rng.uniform(-3, 3, (4, 3)), rng.uniform(-0.3, 0.3, (4, 3))], axis=1)
+    terms = (term("soft_zone", 2), term("base_shift"))
+    root = 0.05 * rng.standard_normal((9, 9)) * np.array([1, 1, 1, 1, 1, 1, 1e-5, 20, 1e-8])[:, None]
+    mean = np.concatenate([np.log(SOFT), [5e-5, 150.0, 3e-8]])
+    model = IdentifiedModel(arm, TOOL, mean, root @ root.T, effects=terms, unknown_weight=0.03, unknown_law=0.2, differs=0.01)
+    slope = model.deviation_slopes(theta, wrench, TOOL)
+    assert slope.shape == (4, 6, 9)
+    for k, step in enumerate([*6 * [1e-3], 1e-7, 0.1, 1e-10]):
+        others = [replace(model, mean=mean + way * step * np.eye(9)[k]) for way in (1, -1)]
+        ahead, behind = (np.concatenate(other.predict(theta, wrench)[:2], axis=1) for other in others)
+        wanted = (ahead - behind) / (2 * step)
+        # What the links' weight moves by softer springs is a few thousandths, and left out.
+        assert_allclose(slope[:, :, k], wanted, atol=(1e-2 if links else 1e-3) * np.abs(wanted).max())
+    yields = compliance_matrix(arm, theta, TOOL, SOFT)
+    elastic = np.einsum("nij,nj->ni", yields, wrench)
+    rows = model.load_state(theta, wrench, TOOL)
+    each = [one.contribution(rows, own) for one, own in zip(terms, split(model.values, terms), strict=True)]
+    wanted = np.einsum("nix,xy,njy->nij", slope, root @ root.T, slope)
+    for part in (slice(3), slice(3, 6)):
+        unknown = 0.2**2 * sum(np.sum(moved[:, part] ** 2, axis=1) for moved in each)
+        if not links:
+            unknown = unknown + 0.03**2 * np.sum(elastic[:, part] ** 2, axis=1)
+        wanted[:, part, part] += unknown[:, None, None] / 3 * np.eye(3)
+    by_force = yields[:, :, :3]
+    wanted += 0.01**2 * np.sum(wrench[:, :3] ** 2, axis=1)[:, None, None] * (by_force @ by_force.swapaxes(1, 2))
+    got = model.deviation_covariance(theta, wrench, TOOL)
+    size = np.sqrt(np.einsum("nii->ni", wanted))
+    assert_allclose(got / size[:, :, None] / size[:, None], wanted / size[:, :, None] / size[:, None], atol=2e-3)
+    assert_allclose(model.deviation_covariance(theta, wrench, TOOL, rows=slice(3)), got[:, :3, :3])
+    assert_allclose(model.predict(theta, wrench)[2], got)
+
+
+def test_a_model_s_intervals_are_normal_in_the_logarithm_and_a_factor_is_shared() -> None:
+    covariance = 0.01 * (np.eye(6) + 0.5)
+    model = IdentifiedModel(robot(), TOOL, np.log(SOFT), covariance)
+    assert_allclose(model.stiffness, 1 / SOFT)
+    assert_allclose(model.log_std, np.sqrt(0.015))
+    half = np.exp(1.959964 * np.sqrt(0.015))
+    assert_allclose(model.interval_95, np.column_stack([1 / SOFT / half, half / SOFT]), rtol=1e-6)
+    softer = model.scaled(1.1, 0.022)
+    assert_allclose(softer.compliance, 1.1 * SOFT)
+    assert_allclose(softer.covariance, covariance + 0.02**2)
 
 
 def test_a_pose_is_displaced_and_turned_in_the_outer_frame() -> None:
