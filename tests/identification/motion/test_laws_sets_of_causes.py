@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +16,7 @@ from identification.model.effects.channel_delay import ChannelDelay
 from identification.motion import causes, search
 from identification.motion.axis import Axis, Solved, axis_of, solve
 from identification.motion.causes import LogCause, cause_of
-from identification.motion.dictionary import LINK_DELAY, Shape
+from identification.motion.dictionary import EXCLUSIVE, LINK_DELAY, Shape
 from identification.motion.log_file import MotionLog
 from identification.motion.prediction import Gain, _folds, _splits, model_columns, residual_on
 from identification.motion.products import products
@@ -69,6 +70,13 @@ def test_every_set_is_answered_as_least_squares_of_the_samples(axis: Axis, sets:
     assert logs == sorted(logs, reverse=True)
     assert LINK_DELAY in sets[0].names
     assert not any({"backlash", "soft_zone"} <= set(one.names) for one in sets)
+    found, names = {one.entries for one in sets}, [group[0].name for group in axis.dictionary]
+    alone = sorted(entries[0] for entries in found if len(entries) == 1)
+    # One whose sign is wrong is none; the pairs behind two that exclude each other are looked at all the same.
+    assert {names[k] for k in alone} >= {LINK_DELAY, "backlash", "soft_zone", "transmission_error"}
+    pairs = [pair for pair in combinations(alone, 2) if {names[k] for k in pair} not in EXCLUSIVE]
+    assert pairs[-1] in found
+    assert len(found & set(pairs)) > 0.8 * len(pairs)
     assert max(len(one.entries) for one in sets) == 2
     assert sum(one.entries == () for one in sets) == 1
 
