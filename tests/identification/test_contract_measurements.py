@@ -171,6 +171,8 @@ def test_masses_and_forces_in_one_file(tmp_path) -> None:
     path.write_text(f"{HEADER}\n{ROW}\n")
     forces = read_measurements(path, read_cell(write_cell(tmp_path)))
     assert forces.hung is None
+    assert (rows.weights, forces.weights, rows.select(rows.hung).weights) == ((), (), ("--dead-weight", "20"))
+    assert (rows.began, forces.began) == (0.0, 0.0)
     both = rows.followed_by(forces).hung, forces.followed_by(rows).hung
     assert [each is not None and each.tolist() for each in both] == [[False, True, False], [False, False, True]]
     assert forces.followed_by(forces).hung is None
