@@ -18,9 +18,13 @@ from identification.design.forecast import Forecast, joint_forecasts, spread
 from identification.design.kept_back import distances, kept_back
 from identification.design.loads import CYCLE, FREE, slot, weight_slot
 from identification.design.order import imbalance, load_axes, run_order, travel
+from identification.design.program import _load, _weights, approaches
 from identification.design.sheet import as_measurements, sheet_of, sheet_text
 from identification.design.unseen import across
 from identification.model.cell import read_cell
+from identification.model.inverse import inverse, nearest_solution
+from identification.model.kinematics import forward
+from identification.model.rotations import Frame
 from tests.identification.design.conftest import CELL
 from tests.support import write_cell
 
@@ -28,7 +32,7 @@ FALL = np.array([0.0, 0.0, -9.80665])
 THETA = np.radians([[1.0, 2, 3, 4, 5, 6], [10, 20, 30, 40, 50, 60], [-1, -2, -3, -4, -5.1234567, -6]])
 
 
-def pool(slots: list[int], theta: np.ndarray = THETA, line: np.ndarray | None = None) -> Pool:
+def pool_of(slots: list[int], theta: np.ndarray = THETA, line: np.ndarray | None = None) -> Pool:
     count = len(slots)
     line = np.tile([1.0, 0, 0], (count, 1)) if line is None else line
     return Pool(theta, np.array(slots), np.zeros(count, dtype=int), line, np.zeros((count, 6, 6)))
@@ -37,7 +41,7 @@ def pool(slots: list[int], theta: np.ndarray = THETA, line: np.ndarray | None = 
 def test_a_sheet_s_rows_are_those_of_its_schedule():
     """Runs 0 and 2 along x, 1 along y and kept back, twice: the second time backwards, x the other way from run to run."""
     slots = slot("x", "single", 300.0), slot("y", "single", 200.0)
-    sheet = sheet_of(pool([0, 1, 0]), slots, np.array([2, 0, 1]), 2, np.array([False, True, False]), "P")
+    sheet = sheet_of(pool_of([0, 1, 0]), slots, np.array([2, 0, 1]), 2, np.array([False, True, False]), "P")
     assert sheet.label == ("P01", "P02", "V01", "P02/2", "P01/2")
     assert sheet.axes == ("x", "x", "y", "x", "x")
     assert sheet.run.tolist() == [2, 0, 1, 0, 2]
@@ -71,7 +75,8 @@ def test_a_sheet_s_rows_are_those_of_its_schedule():
 
 def test_a_sheet_of_lines_of_their_own_says_where_they_point():
     line = np.array([[0.6, 0.0, -0.8], [0, 1, 0], [0, 0, 1.0]])
-    sheet = sheet_of(pool([0, 0, 0], line=line), (slot(FREE, "cycle", 300.0),), np.arange(3), 1, np.zeros(3, dtype=bool), "A")
+    free, none_kept = slot(FREE, "cycle", 300.0), np.zeros(3, dtype=bool)
+    sheet = sheet_of(pool_of([0, 0, 0], line=line), (free,), np.arange(3), 1, none_kept, "A")
     assert sheet.label == ("A01", "A02", "A03")
     assert_allclose(sheet.force[:7], np.round(300 * np.outer(CYCLE, line[0]), 2))
     assert_allclose(sheet.force[7:14], -np.round(300 * np.outer(CYCLE, line[1]), 2))
@@ -81,7 +86,7 @@ def test_a_sheet_of_lines_of_their_own_says_where_they_point():
 
 def test_a_sheet_of_weights_says_what_to_hang_and_is_never_turned_round():
     hung = weight_slot(DeadWeights.of("20,40,20+40"), "cycle", FALL)
-    sheet = sheet_of(pool([0, 0, 0]), (hung,), np.arange(2), 1, np.zeros(3, dtype=bool), "P")
+    sheet = sheet_of(pool_of([0, 0, 0]), (hung,), np.arange(2), 1, np.zeros(3, dtype=bool), "P")
     assert_allclose(sheet.force, np.round(np.outer([0, 20, 40, 60, 40, 0] * 2, FALL), 2))
     assert sheet.masses(1) == [0, 20, 40, 60, 40, 0]
     assert sheet.along(0) == "hung 20 40 60 40 kg"
@@ -120,8 +125,8 @@ def test_an_order_is_the_shortest_of_all_where_the_axes_are_balanced():
 
 def test_what_an_order_balances_is_the_slot_or_the_axis_nearest_to_a_line_of_its_own():
     line = np.array([[0.6, 0.0, -0.8], [0, -1, 0], [0.8, 0.6, 0]])
-    assert load_axes(pool([0, 0, 0], line=line)).tolist() == [2, 1, 0]
-    assert load_axes(pool([0, 1, 0], line=line)).tolist() == [0, 1, 0]
+    assert load_axes(pool_of([0, 0, 0], line=line)).tolist() == [2, 1, 0]
+    assert load_axes(pool_of([0, 1, 0], line=line)).tolist() == [0, 1, 0]
 
 
 def test_poses_are_kept_back_that_are_farthest_from_all_others(domain):
@@ -134,8 +139,8 @@ def test_poses_are_kept_back_that_are_farthest_from_all_others(domain):
     theta = np.zeros((6, 6))
     theta[:, 1] = steps * ranges[1]
     theta[5, 1], theta[5, 2] = 0.0, 0.39 * ranges[2]
-    runs = pool([0, 1, 0, 1, 2, 0], theta)
-    fitted = pool([0], np.zeros((1, 6)))
+    runs = pool_of([0, 1, 0, 1, 2, 0], theta)
+    fitted = pool_of([0], np.zeros((1, 6)))
     chosen = kept_back(domain, runs, fitted, 4)
     assert chosen.slot.tolist() == [0, 1, 2, 0]
     # 0.4 from what is fitted; then, of the second slot, 0.25 is 0.15 from it and 0.3 only 0.1; then the one of the third.
@@ -202,3 +207,45 @@ def test_a_joint_s_grade_and_its_partner_are_those_of_the_covariance(cell, monke
     assert told.length_lines()[0].endswith("each planned for the criterion: 1: a factor 2.7, 4: 10 %")
     assert found[0].as_dict()["trades_off_with"] == "k2"
     assert found[4].as_dict()["trades_off_with"] is None
+
+
+def test_a_retreat_is_up_or_back_with_the_tool_as_it_stands(domain, pool):
+    """The first of five that the arm reaches in the same configuration, no joint more than 45 degrees away."""
+    theta = pool.theta[:60]
+    behind = approaches(domain, theta)
+    found = np.isfinite(behind).all(axis=1)
+    assert found.mean() > 0.8
+    arm, tool = domain.rig.cell.robot, domain.rig.cell.flange_from_tcp
+    here, there = forward(arm, theta, tool), forward(arm, behind[found], tool)
+    assert_allclose(there.rotation, here.rotation[found], atol=1e-9)
+    assert (arm.limit_excess(behind[found]) <= 0).all()
+    assert np.abs(behind - theta)[found].max() < np.radians(45)
+    level = here.position[:, :2] / np.linalg.norm(here.position[:, :2], axis=1, keepdims=True)
+    ways = [np.column_stack([out * level, np.full(60, up)]) for out, up in (
+        (0, 0.15), (-0.1, 0.1), (-0.15, 0), (0, 0.05), (-0.05, 0))]
+    off = np.array([np.linalg.norm(there.position - here.position[found] - way[found], axis=1) for way in ways])
+    assert off.min(axis=0).max() < 1e-9
+    taken = off.argmin(axis=0)
+    assert np.mean(taken == 0) > 0.5
+    # None before it fits: not reached, beyond a limit, or turned too far.
+    for number, (one, way) in enumerate(zip(np.flatnonzero(found), taken, strict=True)):
+        for earlier in ways[:way]:
+            base = forward(arm, theta[one: one + 1], Frame.identity())
+            moved = Frame(base.rotation, base.position + earlier[one])
+            angles, branch = nearest_solution(arm, inverse(arm, moved), theta[one: one + 1])
+            assert (branch[0] < 0 or np.abs(angles - theta[one]).max() >= np.radians(45)
+                    or (arm.limit_excess(angles) > 0).any()), number
+
+
+@pytest.mark.parametrize(("force", "digits", "words"), [
+    ((0, 0, 0), 1, "no load"), ((0, -150, 0), 1, "Fy = -150 N"), ((0, 0, 66.67), 0, "Fz = +66.67 N"),
+    ((100.04, -0.01, 20), 1, "F = (100.0 -0.0 20.0) N"), ((100.6, -33, 20), 0, "F = (101 -33 20) N")])
+def test_a_load_as_the_operator_sets_it(force, digits, words):
+    assert _load(np.array(force, float), digits) == words
+
+
+def test_a_prompt_of_many_weights_is_cut_to_what_hangs():
+    hung = weight_slot(DeadWeights.of("2.5+5,10+12.25+15.125+17.75+20.125"), "cycle", FALL)
+    sheet = sheet_of(pool_of([0]), (hung,), np.arange(1), 1, np.zeros(1, dtype=bool), "P")
+    assert _weights(sheet, "P01", 1) == "P01: hang on 2.5 + 5 kg. Still for 60 s"
+    assert _weights(sheet, "P01", 2) == "P01: change to 75.25 kg in all. Still for 20 s"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,11 +13,15 @@ from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
 from identification.model.robot import Prior
-from identification.motion.axis import Solved, answered
+from identification.motion import stiffness
+from identification.motion.axis import Axis, Solved, answered
 from identification.motion.diagnosis import JointLogDiagnosis
 from identification.motion.prediction import Gain
+from identification.motion.remainder import _spectrum
 from identification.motion.stiffness import AxisStiffness, _averaged, _judged, _own_share, log_posterior
+from identification.motion.transmission import Transmission
 from identification.motion.zeros import ZeroShift, _shifts
+from tests.identification.motion.test_laws_transmission import record
 
 FOUND = AxisStiffness(2, 2e-7, 3e-9, 4e-9, 0.25, 2.5e-7, (0.002, 1e-4), "reliable", "well", 5000, 321.4,
                       (("a.csv", 2.1e-7, 4e-9), ("b.csv", 1.9e-7, 5e-9)), "a transmission error", 3.1)
@@ -99,6 +104,42 @@ def test_a_torque_s_own_share_is_what_other_columns_leave_of_it() -> None:
     basis = np.linalg.qr(np.column_stack([np.ones(50), rng.standard_normal((50, 3))]))[0]
     torque = 3.0 * basis[:, 1] + 4.0 * basis[:, 2] + 7.0 * basis[:, 0]
     assert _own_share(np.column_stack([basis[:, 0], torque, basis[:, 2]]), 1) == pytest.approx(9 / 25)
+
+
+def test_a_stiffness_s_law_is_how_far_it_moves_with_the_way_the_log_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In bands to 4, 6 and 9 Hz, each with and without a deviation that follows the angle: about what the middle one says."""
+    log = record(tmp_path, 3, {})
+    told = iter([1.0, 1.2, 1.1, 1.5, 0.9, 1.0])
+
+    def answer(axis: Axis, columns: np.ndarray) -> Solved:
+        found = np.full(columns.shape[1], 0.004)
+        found[len(axis.lengths)] = next(told)
+        return Solved(found, 0.01 * np.eye(columns.shape[1]), 1.0, 1000)
+
+    monkeypatch.setattr(stiffness, "solve", answer)
+    monkeypatch.setattr(stiffness, "_laws", lambda axis, base: [[]])
+    monkeypatch.setattr(stiffness, "crosstalk", lambda axis: [])
+    found = stiffness._from(2, [log], Transmission(2))
+    assert (found.compliance, found.noise_std) == pytest.approx((1.1, 0.1))
+    assert found.law_std == pytest.approx(np.sqrt(np.mean((np.array([1.0, 1.2, 1.1, 1.5, 0.9, 1.0]) - 1.1) ** 2)))
+    assert found.delay == pytest.approx((0.004, 0.1))
+    assert found.samples == len(log.time) == 2500
+    assert 0 < found.share < 1
+    assert next(told, None) is None
+
+
+def test_what_is_left_is_told_by_its_power_in_bands_and_by_its_strongest_line() -> None:
+    """Two waves of two and one: four fifths of the power and one; the slow one is no line. Of two records the mean."""
+    time = np.arange(2500) / 250
+    waves = 2.0 * np.sin(2 * np.pi * 0.5 * time) + np.sin(2 * np.pi * 5.0 * time)
+    bands, line = _spectrum([1e-6 * waves], [250.0])
+    assert [band[:2] for band in bands] == [(0.0, 1.0), (1.0, 3.0), (3.0, 10.0), (10.0, 20.0), (20.0, 40.0), (40.0, 125.0)]
+    assert [band[2] for band in bands] == pytest.approx([0.8, 0, 0.2, 0, 0, 0], abs=1e-3)
+    assert line == pytest.approx((5.0, 0.2), abs=1e-3)
+    both, _ = _spectrum([waves, np.sin(2 * np.pi * 30.0 * time)], [250.0, 250.0])
+    assert [band[2] for band in both] == pytest.approx([0.4, 0, 0.1, 0, 0.5, 0], abs=1e-3)
 
 
 def test_normal_equations_answer_as_least_squares_do() -> None:
