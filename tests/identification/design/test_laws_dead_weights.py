@@ -53,8 +53,9 @@ def test_what_hangs_when(text, hangs, lifted):
         assert weights.handled(before, after)[1] == ()           # on the way down nothing is hung on
 
 
-@pytest.mark.parametrize("text", ["", "0", "-5", "20,20", "20+20,40", "twenty", "1e9", "20,", "nan"])
+@pytest.mark.parametrize("text", ["", "0", "-5", "20,20", "20+20,40", "twenty", "5000.1", "20,", "nan", "20+0"])
 def test_no_weights(text):
+    assert DeadWeights.of("5000").levels == ((5000.0,),)
     with pytest.raises(ValueError, match=r"weights are|same mass|could not convert"):
         DeadWeights.of(text)
 
