@@ -31,7 +31,8 @@ def travel(theta: Array, speed: Array) -> Array:
 
 
 def imbalance(order: Indices, slot: Indices) -> float:
-    """How far the slots' mean places are from the middle: 0 balanced, 1 one slot wholly before another."""
+    """How far the slots' mean places are from the middle, in halves of the plan: 0 balanced, 0.5 all of one slot before all of
+    another."""
     place = np.empty(len(order))
     place[order] = np.arange(len(order)) - (len(order) - 1) / 2
     means = [abs(place[slot == s].mean()) for s in np.unique(slot)]

@@ -64,8 +64,8 @@ class Sheet:
 
     def handling(self, row: int) -> str:
         """What the operator does with the weights before a row, in words."""
-        same = row > 0 and self.visit[row - 1] == self.visit[row]
-        off, on = DeadWeights.handled(self.hung[row - 1] if same else EMPTY, self.hung[row])
+        # Every visit begins and ends without weights.
+        off, on = DeadWeights.handled(self.hung[row - 1] if row else EMPTY, self.hung[row])
         done = [f"take off {in_words(off)}"] if off else []
         done += [f"hang on {in_words(on)}"] if on else []
         return ", then ".join(done) or "no weights"

@@ -165,10 +165,9 @@ def _segment(
     x_columns = next(iter(header.get("X_Columns", [])), "One")
     if x_columns not in ("No", "One", "Multi"):
         raise error("CS0201", f"X_Columns is '{x_columns}', expected No, One or Multi", file=name)
-    per = {"No": 0, "One": 1, "Multi": count}[x_columns]
     titles = [cell.strip() for cell in lines[end + 1].split(separator)] if end + 1 < stop else []
     # X columns stand first, or before each channel; the last title is the comment's.
-    columns = list(range(1, 2 * count, 2)) if per == count and count > 1 else list(range(1, count + 1))
+    columns = list(range(1, 2 * count, 2)) if x_columns == "Multi" else list(range(1, count + 1))
     if len(titles) <= columns[-1]:
         raise error("CS0201", f"the line of column names has {len(titles)} cells, expected {columns[-1] + 1} or more",
                     file=name, line=end + 2)

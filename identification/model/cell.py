@@ -143,7 +143,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
     for key, load in (("tool", described.tool), ("force_log.payload", log.payload)):
         away = 0.0 if load is None or load.centre_of_mass_mm is None else float(np.linalg.norm(load.centre_of_mass_mm))
         if away and not SHORTEST_TOOL <= away <= FARTHEST_CENTRE:
-            raise error("CS0102", f"{key}.centre_of_mass_mm is {away:.3g} mm from the flange, expected 0, or "
+            raise error("CS0102", f"{key}.centre_of_mass_mm is {away:.4g} mm from the flange, expected 0, or "
                         f"{SHORTEST_TOOL:g} to {FARTHEST_CENTRE:g} mm", file=str(file),
                         hint=f"it is in millimetres: is it in {'metres' if away < SHORTEST_TOOL else 'micrometres'}?")
     sensor = None

@@ -31,7 +31,6 @@ class LawOf(Effect):
     """`sum_k a_k shape_k`, each shape for the typical size of its law. Not in the dictionary: it comes with the effect `of`."""
 
     family = "gear"
-    of_robot = True
     sentence = "the law of the named effect is not exactly the dictionary's"
     settles = ""
     formula_source = "the effect's own law and those near it (docs/effects.md), superposed: engineering judgement"

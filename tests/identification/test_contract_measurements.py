@@ -171,6 +171,8 @@ def test_masses_and_forces_in_one_file(tmp_path) -> None:
     path.write_text(f"{HEADER}\n{ROW}\n")
     forces = read_measurements(path, read_cell(write_cell(tmp_path)))
     assert forces.hung is None
+    assert (rows.weights, forces.weights, rows.select(rows.hung).weights) == ((), (), ("--dead-weight", "20"))
+    assert (rows.began, forces.began) == (0.0, 0.0)
     both = rows.followed_by(forces).hung, forces.followed_by(rows).hung
     assert [each is not None and each.tolist() for each in both] == [[False, True, False], [False, False, True]]
     assert forces.followed_by(forces).hung is None
@@ -348,3 +350,24 @@ def test_rows_that_follow_have_visits_references_and_numbers_of_their_own(tmp_pa
         assert following.min() == own.max() + 1, name
         assert np.array_equal(following - following.min(), own - own.min())
     assert_allclose(both.deflection, np.vstack([one.deflection, one.deflection]))
+
+
+def test_rows_that_follow_count_on_from_the_last_of_each(tmp_path: Path) -> None:
+    """Three references and poses of the first, two of the second, which does not begin at the first line either."""
+    header = f"{HEADER},time_s,reference,pose"
+    first, second = ((40, "A"), (90, "B"), (70, "B"), (130, "C")), ((10, "A"), (25, "B"))
+    one = read(tmp_path, header, *(f"{ROW},{time},{name},{name}1" for time, name in first))
+    two = read(tmp_path, "# of another day", header, *(f"{ROW},{time},{name},{name}2" for time, name in second))
+    both = one.followed_by(two)
+    assert both.reference.tolist() == [0, 1, 1, 2, 3, 4]
+    assert both.visit.tolist() == [0, 1, 1, 2, 3, 4]
+    assert both.row.tolist() == [1, 2, 3, 4, 5, 6]
+    assert both.line.tolist() == [2, 3, 4, 5, 5 + 3, 5 + 4]
+    assert_allclose(both.time, [40, 90, 70, 130, 140, 155])
+    assert both.pose.tolist() == ["A1", "B1", "B1", "C1", "A2", "B2"]
+    assert (both.source, both.sha256, both.began) == (one.source, "", 40.0)
+    some = both.select(np.array([False, True, False, True, False, True]))
+    assert (some.reference.tolist(), some.line.tolist(), some.pose.tolist()) == ([1, 2, 4], [3, 5, 9], ["B1", "C1", "B2"])
+    # A table without times has none afterwards, and leaves the others' as they are.
+    timeless = read(tmp_path, HEADER, ROW)
+    assert_allclose(timeless.followed_by(two).time, [np.nan, 10, 25])

@@ -17,7 +17,7 @@ from identification.design.criteria import d_criterion
 from identification.design.dead_weights import DeadWeights
 from identification.design.domain import Domain, random_pool
 from identification.design.information import instrument
-from identification.design.loads import weight_slot
+from identification.design.loads import slot, weight_slot
 from identification.design.request import Request, prepare
 from identification.design.search import Effort, optimal_design
 from identification.design.task import Task, free_demand
@@ -42,7 +42,8 @@ def hung(cell, text="20,40"):
 
 @pytest.mark.parametrize(("text", "hangs", "lifted"), [
     ("20,40", [0, 20, 40, 0], 20 + 60 + 40), ("20,20+20", [0, 20, 40, 20, 0], 80), ("40,20", [0, 20, 40, 0], 120),
-    ("20,40,20+40", [0, 20, 40, 60, 40, 0], 20 + 60 + 20 + 20 + 40), ("15", [0, 15, 0], 30)])
+    ("20,40,20+40", [0, 20, 40, 60, 40, 0], 20 + 60 + 20 + 20 + 40), ("15", [0, 15, 0], 30),
+    ("20,30,20+40", [0, 20, 30, 60, 20, 0], 20 + 50 + 90 + 40 + 20)])
 def test_what_hangs_when(text, hangs, lifted):
     weights = DeadWeights.of(text)
     assert [sum(step) for step in weights.steps] == hangs
@@ -52,8 +53,9 @@ def test_what_hangs_when(text, hangs, lifted):
         assert weights.handled(before, after)[1] == ()           # on the way down nothing is hung on
 
 
-@pytest.mark.parametrize("text", ["", "0", "-5", "20,20", "20+20,40", "twenty", "1e9", "20,", "nan"])
+@pytest.mark.parametrize("text", ["", "0", "-5", "20,20", "20+20,40", "twenty", "5000.1", "20,", "nan", "20+0"])
 def test_no_weights(text):
+    assert DeadWeights.of("5000").levels == ((5000.0,),)
     with pytest.raises(ValueError, match=r"weights are|same mass|could not convert"):
         DeadWeights.of(text)
 
@@ -164,6 +166,23 @@ def test_one_load_over_a_pulley_shows_it_as_it_says(plan, cell, prior):
     loaded -= offset @ np.linalg.solve(offset + zero, offset)       # the zero row tells some of the offset
     after = plan.information + slope.T @ np.linalg.solve(loaded, slope)
     assert found.after == pytest.approx(np.sqrt(np.linalg.inv(after)[0, 0]), rel=1e-6)
+
+
+def test_a_load_over_a_pulley_is_as_large_as_the_largest_and_the_best_of_sixteen(cell, prior) -> None:
+    """Of all directions evenly around, at each of the poses, by the rows of a zero and a load there."""
+    domain = Domain(instrument(cell), (slot("x", "single", 100.0), slot("y", "single", 250.0)), np.array([[1.36, 0.0, 0.81]]))
+    runs = random_pool(domain, 3, np.random.default_rng(6))
+    found = sideways(domain, runs, prior, 4)
+    assert np.linalg.norm(found.force) == pytest.approx(250.0)
+    assert found.before == pytest.approx(cell.prior.log_std[3])
+    after = []
+    for turn in 2 * np.pi * np.arange(16) / 16:
+        along = slot("free", "single", 250.0)
+        line = np.tile([np.cos(turn), np.sin(turn), 0.0], (len(runs), 1))
+        told = Domain(domain.rig, (along,), domain.positions).runs(runs.theta, 0 * runs.slot, runs.place, line).information
+        after.append(np.sqrt(np.linalg.inv(prior + told)[:, 3, 3]))
+    assert found.after == pytest.approx(np.min(after), rel=1e-6)
+    assert np.min(after, axis=0)[found.run] == pytest.approx(np.min(after), rel=1e-5)
 
 
 @pytest.mark.parametrize(("left", "shows"), [(0.899, True), (0.9, False)])

@@ -156,6 +156,22 @@ def test_files_that_are_refused(
         read_stiffness(written(tmp_path, content), cell)
 
 
+@pytest.mark.parametrize(("robot", "geometry", "read"), [
+    ("", "", True), ("0", "", True), ("", "0", True), ("0", "0", False), (None, "0", True), ("0", None, False)])
+def test_a_robot_file_is_the_same_by_its_bytes_or_by_its_geometry(
+    tmp_path: Path, cell: Cell, model: IdentifiedModel, robot: str | None, geometry: str | None, read: bool,
+) -> None:
+    """Whatever its comments say; a file that states neither is taken by the robot's name. Here "" is what was written."""
+    content = json.loads(json.dumps(model.as_dict()))
+    for key, value in (("robot_sha256", robot), ("geometry_sha256", geometry)):
+        content[key] = content[key] if value == "" else value and 64 * value
+    if read:
+        assert read_stiffness(written(tmp_path, content), cell).stiffness == pytest.approx(STIFFNESS)
+        return
+    with pytest.raises(CompstiffError, match=f"CS1202.*another robot file of the name '{cell.robot.name}': SHA-256 0{{12}}"):
+        read_stiffness(written(tmp_path, content), cell)
+
+
 @pytest.mark.parametrize(("correlation", "says"), [(-0.9, "CS1203: covariance: a correlation no positive stiffnesses can have"),
                                                    (0.9, None)])
 def test_wide_stiffnesses_can_hardly_be_against_each_other(

@@ -217,6 +217,9 @@ def test_a_structure_stiffens_along_the_arm_across_it_and_upright() -> None:
     assert_allclose(by(0), plane * np.sum(plane * linear, axis=1)[:, None], atol=1e-15)
     assert_allclose(by(0, 6, 12), linear, atol=1e-15)
     assert_allclose(by(1, 7, 13), linear * np.sin(theta[:, 1])[:, None], atol=1e-15)
+    assert_allclose(by(2, 8, 14), linear * np.cos(theta[:, 1])[:, None], atol=1e-15)
+    assert_allclose(by(3, 9, 15), linear * np.sin(theta[:, 2])[:, None], atol=1e-15)
+    assert_allclose(by(4, 10, 16), linear * np.cos(theta[:, 2])[:, None], atol=1e-15)
     assert_allclose(by(5, 11, 17), linear * np.linalg.norm(wrench[:, :3], axis=1)[:, None] / 300, atol=1e-15)
 
 

@@ -83,19 +83,29 @@ def test_a_tool_is_told_that_stands_off_by_over_two_millimetres(tmp_path: Path, 
     assert finding.message.endswith(f"with this tool is {off_mm} mm away from where the pendant shows it, tolerance 2 mm")
 
 
-def test_the_pose_that_is_furthest_off_for_its_tolerance_is_named_and_none_fits_a_pose_misread(tmp_path: Path) -> None:
-    """The second by 3 mm of 2, the third by 8 mm of 6."""
+def misread_cell(folder: Path, shifts: tuple[float, ...]) -> Path:
+    """Poses whose z was misread by so many mm, with tolerances of 2, 2 and 6."""
     lines = []
-    for q, shift, tolerance in zip(ANGLES, (0.0, 3.0, 8.0), (2, 2, 6), strict=True):
+    for q, shift, tolerance in zip(ANGLES, shifts, (2, 2, 6), strict=True):
         x, y, z = np.round(1e3 * kit.tcp_pose(ARMS[ROBOT], np.radians(np.array(q, float)), TOOL).p, 1)
         lines.append(f"  - {{joints_deg: {q}, tcp_mm: {[float(x), float(y), float(z + shift)]}, tolerance_mm: {tolerance}}}")
-    (tmp_path / "cell.yaml").write_text(kit.cell_text(ROBOT, TOOL, None, "\n".join(["pendant_poses:", *lines, ""])))
+    file = folder / "cell.yaml"
+    file.write_text(kit.cell_text(ROBOT, TOOL, None, "\n".join(["pendant_poses:", *lines, ""])))
+    return file
+
+
+def test_the_pose_that_is_furthest_off_for_its_tolerance_is_named_and_none_fits_a_pose_misread(tmp_path: Path) -> None:
+    """The second by 3 mm of 2, the third by 8 mm of 6."""
     with pytest.raises(CompstiffError) as refused:
-        read_cell(tmp_path / "cell.yaml")
+        read_cell(misread_cell(tmp_path, (0.0, 3.0, 8.0)))
     (finding,) = refused.value.findings
     assert finding.message == (f"pendant_poses[1]: at these angles the TCP of {ROBOT} with this tool is 3.0 mm away from where "
                                "the pendant shows it, tolerance 2 mm")
     assert finding.hint == "are these the angles and tcp_mm of one pose, in base coordinates, with this tool active?"
+    proof = read_cell(misread_cell(tmp_path, (0.0, 1.5, 5.0))).pendant
+    assert proof is not None
+    assert proof.off == pytest.approx(5e-3, abs=2e-4)
+    assert proof.words().startswith("the pendant's poses agree to 5 mm; ")
 
 
 def tool_about_z(folder: Path, degrees: tuple[float, ...], extra: str = "") -> Path:

@@ -1,0 +1,230 @@
+"""Sets of causes of a joint's log and what they predict, piece by piece: least squares of the samples, sums by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from identification.model.effects import effects
+from identification.model.effects.channel_delay import ChannelDelay
+from identification.motion import causes, search
+from identification.motion.axis import Axis, Solved, axis_of, solve
+from identification.motion.causes import LogCause, cause_of
+from identification.motion.dictionary import EXCLUSIVE, LINK_DELAY, Shape
+from identification.motion.log_file import MotionLog
+from identification.motion.prediction import Gain, _folds, _splits, model_columns, residual_on
+from identification.motion.products import products
+from identification.motion.proxies import evidence, turned
+from identification.motion.remainder import _share, angle_columns
+from identification.motion.search import Hypothesis, survey
+from tests.identification.motion.test_laws_transmission import record
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> MotionLog:
+    return record(tmp_path_factory.mktemp("sets"), 300, {"channel_delay": 1.0, "joint_friction": 1.0})
+
+
+@pytest.fixture(scope="module")
+def axis(log: MotionLog) -> Axis:
+    return axis_of(2, [log])
+
+
+@pytest.fixture(scope="module")
+def sets(axis: Axis) -> tuple[Hypothesis, ...]:
+    return survey(axis, 2)
+
+
+def test_every_set_is_answered_as_least_squares_of_the_samples(axis: Axis, sets: tuple[Hypothesis, ...]) -> None:
+    """Its answer, its evidence by the information criterion, and its probability among all: one cause in seven beforehand."""
+    plain = solve(axis, axis.plain)
+    logs = []
+    for one in sets:
+        own = solve(axis, one.columns(axis))
+        assert_allclose(one.solved.coefficients, own.coefficients, rtol=1e-5, atol=1e-9 * np.abs(own.coefficients).max())
+        assert one.solved.chi2 == pytest.approx(own.chi2, rel=1e-6)
+        assert_allclose(one.columns(axis), model_columns(axis, one), atol=1e-12)
+        price = 0.0
+        for name, kept, shape in zip(one.names, one.kept, one.shapes, strict=True):
+            for column in kept:
+                place = axis.plain.shape[1] + sum(map(len, one.kept[:one.shapes.index(shape)])) + kept.index(column)
+                usual = 0.5 * np.log(own.count)
+                if name == LINK_DELAY:       # known beforehand to some milliseconds
+                    std = np.sqrt(own.covariance[place, place])
+                    usual = max(usual, np.log(2 * 0.004 / (np.sqrt(2 * np.pi) * std)))
+                price += usual
+                sign = shape.signs[column]
+                assert sign * own.coefficients[place] >= 0
+        gain = 0.5 * own.count * np.log(plain.chi2 / own.chi2) - price
+        if not {LINK_DELAY, "joint_friction"} <= set(one.names):
+            assert one.log_evidence == pytest.approx(gain, abs=1e-3)
+        logs.append(one.log_evidence + len(one.entries) * np.log(0.15 / 0.85))
+    weight = np.exp(np.array(logs) - max(logs))
+    assert_allclose([one.probability for one in sets], weight / weight.sum(), atol=1e-12)
+    assert logs == sorted(logs, reverse=True)
+    assert set(sets[0].names) == {LINK_DELAY, "joint_friction"}         # what is hidden there
+    assert not any({"backlash", "soft_zone"} <= set(one.names) for one in sets)
+    found, names = {one.entries for one in sets}, [group[0].name for group in axis.dictionary]
+    alone = sorted(entries[0] for entries in found if len(entries) == 1)
+    # One whose sign is wrong is none; the pairs behind two that exclude each other are looked at all the same.
+    assert {names[k] for k in alone} >= {LINK_DELAY, "backlash", "soft_zone", "transmission_error"}
+    pairs = [pair for pair in combinations(alone, 2) if {names[k] for k in pair} not in EXCLUSIVE]
+    assert pairs[-1] in found
+    assert len(found & set(pairs)) > 0.8 * len(pairs)
+    assert max(len(one.entries) for one in sets) == 2
+    assert sum(one.entries == () for one in sets) == 1
+
+
+def test_products_know_which_columns_double_each_other(axis: Axis) -> None:
+    known = products(axis)
+    shapes = [shape for group in axis.dictionary for shape in group]
+    for shape in shapes:
+        places = known.places([shape], [range(shape.columns.shape[1])])
+        unit = np.column_stack([axis.plain, shape.columns])
+        unit = unit / np.linalg.norm(unit, axis=0)
+        least = np.linalg.svd(unit, compute_uv=False)[-1]
+        assert known.doubled(places, least * 1.01)
+        assert not known.doubled(places, least * 0.99)
+    assert known.plain == axis.plain.shape[1]
+
+
+def test_a_coefficient_on_the_wrong_side_of_nothing_is_the_first_to_go() -> None:
+    """The one that is furthest, in its own standard deviations."""
+    shape: Any = SimpleNamespace(signs=(1, 0, -1))
+    other: Any = SimpleNamespace(signs=(1,))
+    answer = Solved(np.array([9.0, -2.0, -5.0, 1.0, -3.0]), np.diag([1.0, 4.0, 1.0, 0.01, 9.0]), 1.0, 10)
+    # -1 sigma, free, 10 sigma of a negative one, -1 sigma.
+    assert search._wrong_sign(answer, 1, (shape, other), [[0, 1, 2], [0]]) == (0, 2)
+    right = replace(answer, coefficients=np.array([9.0, 2.0, -5.0, -1.0, -3.0]))
+    assert search._wrong_sign(right, 1, (shape, other), [[0, 1, 2], [0]]) == (1, 0)
+    alone = Solved(right.coefficients[:4], right.covariance[:4, :4], 1.0, 10)
+    assert search._wrong_sign(alone, 1, (shape,), [[0, 1, 2]]) is None
+    kept = [[0, 1], [0], [0]]
+    assert search._drop_doubled(kept)
+    assert kept == [[0], [0], [0]]
+    assert not search._drop_doubled(kept)
+
+
+def test_a_parameter_that_acts_through_the_spring_is_a_ratio_with_its_spread() -> None:
+    """Of the coefficient and the compliance, drawn together."""
+    effect = effects()["joint_friction"]
+    shape = Shape(effect, np.zeros(2), (0, 1), np.zeros((5, 2)), True, (1, 1))
+    delay = Shape(ChannelDelay("link"), np.zeros(1), (0,), np.zeros((5, 1)), False, (0,))
+    rng = np.random.default_rng(0)
+    root = rng.standard_normal((5, 5)) * np.array([1, 2e-10, 1e-5, 3e-8, 1e-8])[:, None] * 0.1
+    mean = np.array([0.01, 2e-7, 3e-3, 6e-5, 4e-5])
+    answer = Solved(mean, root @ root.T, 1.0, 100)
+    found = Hypothesis((0, 1), (delay, shape), ((0,), (0, 1)), answer, 1.0)
+    axis: Any = SimpleNamespace(lengths=(5,), plain=np.zeros((5, 2)), joint=4)
+    cause = cause_of(axis, found, 1, 0.9)
+    draws = rng.multivariate_normal(mean, root @ root.T, 200_000)
+    ratio = draws[:, 3:] / draws[:, 1:2]
+    assert_allclose(cause.values, mean[3:] / mean[1])
+    assert_allclose(cause.std, ratio.std(axis=0), rtol=0.02)
+    late = cause_of(axis, found, 0, 0.9)
+    assert (late.values[0], late.label) == (3e-3, "channel_delay (link) [4]")
+    assert late.std[0] == pytest.approx(np.sqrt((root @ root.T)[2, 2]))
+    assert late.sentence.startswith("the link encoders were recorded behind the motor encoders")
+    assert replace(late, values=-late.values).sentence.startswith("the link encoders were recorded ahead of the motor")
+    alone = cause_of(axis, replace(found, kept=((0,), (1,)), solved=Solved(mean[[0, 1, 2, 4]], np.eye(4), 1.0, 9)), 1, 0.5)
+    assert_allclose(alone.values, [0.0, 200.0])
+    assert np.isnan(alone.std[0])
+
+
+@pytest.mark.parametrize(("values", "pooled"), [
+    ([(1.0, 0.1), (1.2, 0.1)], (1.1, 0.1)), ([(1.0, 0.1), (1.01, 0.2)], (1.002, (125) ** -0.5)), ([(3.0, 0.5)], (3.0, 0.5)),
+    ([(1.0, 0.1), (2.0, np.nan)], (1.5, 0.1)), ([(1.0, np.nan)], (1.0, None))])
+def test_joints_are_pooled_by_their_spread_which_widens_where_they_differ(
+    values: list[tuple[float, float]], pooled: tuple[float, float | None],
+) -> None:
+    """Two that are 0.2 apart, each known to 0.1: Birge's ratio is the root of two."""
+    mean, std = causes._pooled(values)
+    assert mean == pytest.approx(pooled[0])
+    assert std == (None if pooled[1] is None else pytest.approx(pooled[1]))
+
+
+def test_causes_of_no_joint_are_one_over_joints_and_told_by_the_least_sure() -> None:
+    delay = Shape(ChannelDelay("link"), np.zeros(1), (0,), np.zeros((5, 1)), False, (0,))
+    gear = Shape(effects()["motor_inertia"], np.zeros(1), (0,), np.zeros((5, 1)), True, (1,))
+    found = [LogCause(delay, 1, 0.99, np.array([0.002]), np.array([1e-4])), LogCause(gear, 1, 0.9, np.ones(1), np.ones(1)),
+             LogCause(delay, 2, 0.97, np.array([0.004]), np.array([1e-4])), LogCause(gear, 2, 0.8, np.ones(1), np.ones(1))]
+    groups = causes.over_joints(found)
+    assert [[cause.joint for cause in group] for group in groups] == [[1, 2], [1], [2]]
+    told = causes.group_as_dict(groups[0])
+    assert (told["joint"], told["probability"], told["channel"]) == (None, 0.97, "link")
+    assert told["parameters"]["delay_s"]["estimate"] == pytest.approx(0.003)
+    assert told["by_joint"]["2"] == {"delay_s": {"estimate": 0.004, "std": 1e-4}}
+    assert "by_joint" not in causes.group_as_dict(groups[1])
+    assert causes.group_as_dict(groups[1])["joint"] == 1
+
+
+def test_the_other_side_of_a_joint_is_its_torque_by_its_twist(axis: Axis) -> None:
+    shape = axis.dictionary[0][0]
+    back = turned(axis, [shape])
+    assert back.deflection is axis.torque
+    assert back.torque is axis.deflection
+    assert [group[0] for group in back.dictionary] == [shape]
+    with_it = np.column_stack([back.plain, shape.columns])
+    chi2 = [solve(back, columns).chi2 for columns in (back.plain, with_it)]
+    count = solve(back, back.plain).count
+    assert evidence(back, shape, back.plain) == pytest.approx(
+        0.5 * count * np.log(chi2[0] / chi2[1]) - 0.5 * shape.columns.shape[1] * np.log(count))
+
+
+def test_an_angle_s_polynomials_reach_from_end_to_end() -> None:
+    angle = np.array([2.0, 2.5, 3.0, 4.0])
+    place = np.array([-1.0, -0.5, 0.0, 1.0])
+    assert_allclose(angle_columns(angle, degree=3), np.column_stack([place, 2 * place**2 - 1, 4 * place**3 - 3 * place]))
+    assert_allclose(angle_columns(np.array([1.0, 5.0]), (2.0, 4.0), 2), [[-1, 1], [1, 1]])
+
+
+def test_what_is_left_follows_the_angle_where_it_is_a_curve_over_it(axis: Axis) -> None:
+    rng = np.random.default_rng(0)
+    place = (axis.angle - axis.angle.mean()) / np.ptp(axis.angle)
+    share, p_value = _share(axis, axis.angle, 3.0 + place**2 - place, rng)
+    assert share == pytest.approx(1.0)
+    assert p_value == 1 / 401
+    curve, noise = place**2 - np.mean(place**2), rng.standard_normal(len(place))
+    part, _ = _share(axis, axis.angle, curve / np.std(curve) + noise / np.std(noise), rng)
+    assert part == pytest.approx(0.5, abs=0.1)
+    _, by_chance = _share(axis, axis.angle, noise, rng)
+    assert by_chance > 0.02
+
+
+def test_what_is_held_out_and_what_it_is_predicted_by(log: MotionLog) -> None:
+    other = replace(log, source="other.csv")
+    splits, how = _splits(2, [log, other], None)
+    assert how == "each record by the others"
+    assert [(one.train, one.test, one.apart) for one in splits] == [([other], log, True), ([log], other, True)]
+    splits, how = _splits(2, [log], other)
+    assert (how, splits[0].train, splits[0].test, splits[0].apart) == ("validate: other.csv", [log], other, True)
+    splits, how = _splits(2, [log], None)
+    assert how == "cross-validation by 5 blocks of time"
+    blocks = _folds(log)
+    assert [len(one.test.time) for one in blocks] == [500] * 5
+    assert [[len(piece.time) for piece in one.train] for one in blocks] == [
+        [2000], [500, 1500], [1000, 1000], [1500, 500], [2000]]
+    assert not any(one.apart for one in blocks)
+    assert blocks[1].train[1].time[0] == log.time[1000]
+
+
+def test_a_fit_is_carried_to_another_record_with_the_mean_of_its_zeros(axis: Axis) -> None:
+    fitted = np.array([1e-3, 3e-3, 2e-7, 5.0])
+    columns = np.column_stack([axis.spring, np.linspace(0, 1, len(axis.torque))])
+    assert_allclose(residual_on(fitted, 2, axis, columns),
+                    axis.deflection - 2e-3 - 2e-7 * axis.torque - 5.0 * np.linspace(0, 1, len(axis.torque)))
+
+
+def test_a_gain_is_written_with_the_ratio_of_both_zeros() -> None:
+    gain = Gain(4e-4, 1e-4, (3.5, 4.6), (0.2, 0.9), "other.csv", np.zeros((2, 2)), (5e-4, 2.5e-4))
+    assert gain.as_dict() == {
+        "rms_before_urad": pytest.approx(400), "rms_after_urad": pytest.approx(100), "ratio": pytest.approx(4.0),
+        "interval": [3.5, 4.6], "variance_explained_before": 0.2, "variance_explained_after": 0.9, "held_out": "other.csv",
+        "with_fitted_zero": {"rms_before_urad": pytest.approx(500), "rms_after_urad": pytest.approx(250),
+                             "ratio": pytest.approx(2.0)}}
