@@ -91,12 +91,13 @@ def mutants_of(file: Path) -> list[Mutant]:
         other = SWAPS.get(token.string)
         if token.type == tokenize.NUMBER and not re.fullmatch(r"0x.*|.*j", token.string):
             other = "1" if token.string in ("0", "0.0") else "0" if token.string in ("1", "1.0") else f"({token.string} * 2)"
-        if token.type == tokenize.NAME and token.string == "return" and lines[line - 1].strip() != "return":
+        if token.string == "return" and lines[line - 1].strip() not in ("return", "return None"):
             other = "return None and"
         usual = token.type in (tokenize.OP, tokenize.NAME, tokenize.NUMBER)
-        # A star before an argument, the `in` of a loop, the bar between two types.
+        # A star before an argument, the `in` of a loop, the bar between two types, strict of a zip of what is equally long.
         no_operator = (token.string in ("*", "**", "/") and before in ("(", ",", "=", "[", ":")) or (
-            token.string == "in" and "for " in lines[line - 1]) or (token.string == "|" and ":" in lines[line - 1])
+            token.string == "in" and "for " in lines[line - 1]) or (token.string == "|" and ":" in lines[line - 1]) or (
+            lines[line - 1][:column].endswith("strict="))
         if usual and other is not None and not no_operator and line not in silent and not NO_CODE.match(lines[line - 1]):
             found.append(Mutant(name, line, column, token.string, other, lines[line - 1].strip()))
         if token.string == "not" and before == "is" and found and found[-1].token in ("is", "not"):
