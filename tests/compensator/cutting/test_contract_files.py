@@ -212,7 +212,7 @@ def test_coefficients_of_another_tool_are_refused() -> None:
             (Cutter(5e-3, 2), "steel", f"{bull}flat end mill, diameter 10 mm, 2 teeth and of aluminium, the cell states "
                                        "steel")):
         with pytest.raises(CompstiffError) as stopped:
-            check_same(replace(own, source=Path("cutting.json")), cutter, material, "folder/cell.yaml")
+            check_same(replace(own, source=Path("cutting.json")), cutter, material, "cell/cell.yaml")
         (found,) = stopped.value.findings
         assert (found.code, found.file, found.message) == ("CS4721", "cutting.json", f"the coefficients are those of {words}")
         assert found.hint == "fit them from a log with this tool and material, or correct `cutting` in cell.yaml"
