@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 WORTH_A_PART = 3.0
 # Sizes of such a part that are tried, as multiples of the usual one, and what is left beside it of the parts that have taken it
 # for theirs: forces that are wrong by visits pass for forces that are wrong by rows, a memory for that and for re-seating.
-SIZES = (0.5, 1.5, 5.0, 15.0, 50.0)
+SIZES = (0.5, 1.5, 3.0, 5.0, 9.0, 15.0, 27.0, 50.0)
 LEFT = (1.0, 0.5, 0.2)
 TAKEN_FOR = {SETUP: (FORCE, ABSOLUTE), MEMORY: (FORCE, ABSOLUTE, OFFSET)}
 # Visits from which on the rows tell whether the parts are there.

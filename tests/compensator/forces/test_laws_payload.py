@@ -145,6 +145,20 @@ def test_stated_intervals_cover() -> None:
     assert np.all(np.abs(share - 0.95) < 4 * np.sqrt(0.95 * 0.05 / len(inside))), share
 
 
+def test_a_centre_is_as_unsure_as_the_mass_that_it_is_divided_by() -> None:
+    """Forces with 5 N of noise, moments that are all but exact: the centre scatters as 1 / mass."""
+    rng = np.random.default_rng(11)
+    fall = kit.Rotation.random(8, random_state=rng).apply([0, 0, -9.80665])
+    noise = np.tile([5.0, 5, 5, 1e-4, 1e-4, 1e-4], (8, 1))
+    load = np.concatenate([12 * fall, np.cross([0.05, -0.1, 0.2], 12 * fall)], axis=1)
+    found = [estimate_payload(fall, load + noise * each, has_moment=True, noise=noise)
+             for each in rng.standard_normal((400, 8, 6))]
+    centres = np.array([one.centre for one in found])
+    stated = np.sqrt(np.mean([one.centre_std**2 for one in found], axis=0))
+    assert_allclose(centres.std(axis=0), stated, rtol=0.15)
+    assert_allclose(stated / np.abs(centres.mean(axis=0)), np.mean([one.mass_std / one.mass for one in found]), rtol=0.1)
+
+
 @pytest.mark.parametrize(("wrist", "mass"), [([[0, 0], [0, 90], [2, 0]], False), ([[0, 0], [40, 0], [-40, 0], [60, 0]], True)])
 def test_what_the_orientations_do_not_separate_is_refused(tmp_path, wrist: list, mass: bool) -> None:
     """Spindle upright in all: no mass. Tilted about one axis alone: the mass, and a centre only where g turns enough."""

@@ -94,6 +94,20 @@ def test_an_old_output_beside_what_was_refused_is_told(tmp_path: Path, code: int
     assert ("warning CS0014: offsets.csv stands there still" in run(body)[2]) == told
 
 
+@pytest.mark.parametrize(("count", "told"), [
+    (1, "a.csv stands"), (2, "a.csv and b.mod stand"), (3, "a.csv, b.mod and c.html stand")])
+def test_all_old_outputs_are_named(tmp_path: Path, count: int, told: str) -> None:
+    olds = [tmp_path / name for name in ("a.csv", "b.mod", "c.html")[:count]]
+    for old in olds:
+        old.write_text("old")
+
+    def body(session: Session) -> Outcome:
+        check_writable(olds, overwrite=True)
+        return Outcome(exit_code=3)
+
+    assert f"warning CS0014: {told} there still, of an earlier call" in run(body)[2]
+
+
 def test_findings_fold_and_quiet_keeps_errors() -> None:
     notes = tuple(Finding("CS3011", "note", "same", file="a", line=i) for i in (4, 5, 6))
     assert fold(notes) == (Finding("CS3011", "note", "same", file="a", line=4, count=3),)

@@ -52,6 +52,13 @@ def test_homogeneous_concave_and_bounded_by_its_tangent(criterion):
             assert np.sum(tangent * a) == pytest.approx(float(criterion.value(a)), rel=1e-6)
 
 
+def test_of_springs_known_alike_the_mean_variance_of_a_deflection_is_theirs():
+    """I weighs the springs as the deflection does, and its weights are of sum one."""
+    assert i_criterion(WEIGHT).value(4 * np.eye(6)[None]) == pytest.approx(4)
+    assert i_criterion(30 * WEIGHT).value(np.diag([1.0, 2, 4, 5, 10, 20])[None]) == pytest.approx(
+        np.trace(WEIGHT) / np.sum(np.diag(WEIGHT) / [1, 2, 4, 5, 10, 20]))
+
+
 def test_slope_is_the_derivative_of_the_logarithm(criterion):
     rng = np.random.default_rng(2)
     for information in positive(rng, 10):

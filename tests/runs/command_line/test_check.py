@@ -474,7 +474,8 @@ def test_the_samples_are_sound(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("stated", "code"), [
-    ("teeth: 3, material: titanium", ""), ("teeth: 3", ""), ("teeth: 3, material: steel", "CS4721"), ("", "")])
+    ("teeth: 3, material: titanium", ""), ("teeth: 3", ""), ("teeth: 3, material: steel", "CS4721"),
+    ("material: steel", ""), ("", "")])
 def test_cutting_coefficients_are_held_against_the_cell_s_cutter(folder: Path, stated: str, code: str) -> None:
     cell = folder / "cell.yaml"
     cell.write_text(cell.read_text() + (f"cutting: {{tool_diameter_mm: 16, {stated}}}\n" if stated else ""))
