@@ -65,6 +65,20 @@ def test_without_the_program_an_upright_work_object_tells_the_sign(seed: int) ->
     assert "sign" in told[0].message
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_offsets_along_one_axis_alone_are_looked_at(axis: int) -> None:
+    """As against a force that only pushes along it."""
+    offset = np.zeros((10, 3))
+    offset[:, axis] = -1e-4
+    assert check_deviation(offsets_of(offset, -offset), np.tile(np.eye(3), (10, 1, 1))) == ()
+    with pytest.raises(Refused, match="they are 900 um RMS, the deviation that it predicts there 100"):
+        check_deviation(offsets_of(9 * offset, -offset), None)
+    still = -offset
+    still[3] = 0
+    with pytest.raises(Refused, match="1 target would be moved where it predicts no deviation"):
+        check_deviation(offsets_of(offset, still), None)
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_a_correction_is_left_in_peace_and_a_slip_is_refused(seed: int) -> None:
     offset, deviation, turn = drawn(np.random.default_rng((5025, seed)))
