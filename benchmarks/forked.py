@@ -136,7 +136,7 @@ class Plugin:
         if file and not self._changed(file):
             return {"verdict": "apart", "by": ""}
         os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
-        session.config._tmp_path_factory._basetemp = folder        # type: ignore[attr-defined]
+        os.environ["PYTEST_DEBUG_TEMPROOT"] = str(folder)           # where tmp_path of these tests will be
         for item, after in zip(items, [*items[1:], None], strict=True):
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
             if session.testsfailed:
