@@ -139,6 +139,14 @@ def known_by_depth(
                            file=predicted.path.toolpath.source),)
 
 
+def known_by_force(predicted: Predicted) -> Estimate | None:
+    """The cutting stiffness [N/m] that the push across the feed tells at a depth that is taken; None: nothing pushes across."""
+    _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
+    push = across[predicted.targets]
+    # Where most of a program pushes along its feed the middle of all is nothing.
+    return of_force(float(np.median(push[push > 0])), predicted.settings.correction.taken_depth) if push.any() else None
+
+
 def of_passes(
     prior: CuttingStiffness | None, pairs: Sequence[PassPair], predicted: Predicted
 ) -> tuple[CuttingStiffness | None, tuple[Finding, ...]]:
@@ -153,12 +161,9 @@ def of_passes(
     if not pairs:
         return prior, ()
     if prior is None:
-        _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
-        push = across[predicted.targets]
-        if not push.any():
+        before = known_by_force(predicted)
+        if before is None:
             return None, ()
-        # Where most of a program pushes along its feed the middle of all is nothing.
-        before = of_force(float(np.median(push[push > 0])), predicted.settings.correction.taken_depth)
     else:
         before = Estimate(prior.value, prior.std)
     falls = of_either_sign(Estimate(0.0, 1e3 * before.value), pairs)

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.correct import Corrected, correct, restrained
-from compensator.correction.cutting_prior import SLOT_DEPTH, WIDTH, of_force
+from compensator.correction.cutting_prior import SLOT_DEPTH, WIDTH
 from compensator.correction.cutting_stiffness import CuttingStiffness
-from compensator.correction.engagement import LoggedPass, across_feed, following_the_cut
+from compensator.correction.engagement import LoggedPass, following_the_cut
 from compensator.correction.expected_left import expected_left, foreseen
 from compensator.correction.known_slot import known_slot
 from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.logged_pass import known_by_force
 from compensator.correction.other_stance import best_shift, shifted, turned
 from compensator.correction.pass_offsets import PassOffsets
 from compensator.correction.posture import advise
@@ -133,15 +134,12 @@ def _next_pass(corrected: Corrected) -> Array:
 
 
 def _known_cut(corrected: Corrected) -> Array | None:
-    predicted = corrected.predicted
-    _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
-    push = across[predicted.targets]
-    if not push.any():
+    known = known_by_force(corrected.predicted)
+    if known is None:
         return None
-    value = of_force(float(np.median(push[push > 0])), predicted.settings.correction.taken_depth).value
-    std = value * float(np.sqrt(np.expm1(WIDTH**2)))
-    stated = CuttingStiffness(value, std, "material", mean_std=std, climb_only=True)
-    return _again(corrected, predicted, replace(corrected.logged, stiffness=stated))
+    std = known.value * float(np.sqrt(np.expm1(WIDTH**2)))
+    stated = CuttingStiffness(known.value, std, "material", mean_std=std, climb_only=True)
+    return _again(corrected, corrected.predicted, replace(corrected.logged, stiffness=stated))
 
 
 def _stated_depth(corrected: Corrected) -> Array | None:
