@@ -32,6 +32,10 @@ FARTHEST = 1e-2
 # Readings of one target are averaged where their normals are no farther apart than this [degrees].
 APART_DEG = 30.0
 
+# At one place readings are told apart by their normals as if they stood at least so far from each other [m]; no place is so far
+# from another [m].
+SAME_PLACE, FARTHEST_PLACE = 1e-4, 1e3
+
 # Two passes over one part share at least this part of the smaller one's places: with fewer it is another part, or mirrored.
 FEWEST_PAIRS = 0.1
 
@@ -238,22 +242,49 @@ def _in_order(readings: Readings, findings: list[Finding]) -> Readings:
 
 def pair(first: Readings, second: Readings, within: float) -> tuple[Indices, Indices]:
     """Rows of both that belong together, in the order of the first: the same target, or places that are each other's nearest
-    and at most `within` [m] apart. Raises CompstiffError: CS6020 other components, CS6021 placed by other columns, CS6023 next
-    to no pair."""
+    and at most `within` [m] apart, of several at one place those along the same normal, and of these the first with the first.
+    Raises CompstiffError: CS6020 other components, CS6021 placed by other columns, CS6023 next to no pair."""
     if first.key != second.key:
         raise error("CS6021", f"is placed by {second.key}, {first.source} by {first.key}", file=second.source,
                     hint="place both by the same columns")
     if first.axes != second.axes:
         raise error("CS6020", f"has the deviation along {' '.join(second.axes)}, {first.source} along {' '.join(first.axes)}",
                     file=second.source, hint="measure both passes alike")
-    mine, other = nearest(first.place, second.place, 0.0 if first.key == "target" else within)
+    by_target = first.key == "target"
+    normals = None if by_target or first.normal is None or second.normal is None else (first.normal, second.normal)
+    one, two = normals or (None, None)
+    mine, other = nearest(_apart(first.place, one, within), _apart(second.place, two, within), np.inf)
+    fits = np.linalg.norm(first.place[mine] - second.place[other], axis=1) <= (0.0 if by_target else within)
+    if normals:
+        fits &= np.einsum("ni,ni->n", normals[0][mine], normals[1][other]) >= np.cos(np.radians(APART_DEG))
+    mine, other = mine[fits], other[fits]
     count = min(len(first), len(second))
     if len(mine) < FEWEST_PAIRS * count:
         few = "no row belongs" if not len(mine) else f"only {len(mine)} of {count} rows belong"
+        alike = f", along normals at most {APART_DEG:g} degrees apart" if normals else ""
         raise error("CS6023", f"{few} to a row of {first.source}" + (
-            "" if first.key == "target" else f" (nearest places, at most {1e3 * within:g} mm apart)"), file=second.source,
-            hint="are both from the same program?" + ("" if first.key == "target" else " --within-mm sets the distance"))
+            "" if by_target else f" (nearest places, at most {1e3 * within:g} mm apart{alike})"), file=second.source,
+            hint="are both from the same program?" + ("" if by_target else " --within-mm sets the distance") + (
+                "; are the normals of both out of the material?" if normals else ""))
     return mine, other
+
+
+def _apart(place: Array, normal: Array | None, within: float) -> Array:
+    """Places (N, d), with further columns by which several readings at one are apart: their normals, as far as `within` [m] at
+    APART_DEG, and how many of the same came before."""
+    if normal is not None:
+        place = np.column_stack([place, max(within, SAME_PLACE) / (2 * np.sin(np.radians(APART_DEG / 2))) * normal])
+    return np.column_stack([place, FARTHEST_PLACE * _came_before(place)])
+
+
+def _came_before(rows: Array) -> Indices:
+    """How many rows before it each of (N, k) equals."""
+    _, member = np.unique(rows, axis=0, return_inverse=True)
+    order = np.argsort(member.ravel(), kind="stable")
+    _, first, length = np.unique(member.ravel()[order], return_index=True, return_counts=True)
+    before = np.empty(len(rows), dtype=np.intp)
+    before[order] = np.arange(len(rows)) - np.repeat(first, length)
+    return before
 
 
 def nearest(first: Array, second: Array, within: float) -> tuple[Indices, Indices]:

@@ -297,6 +297,31 @@ def test_pairs_are_each_others_nearest_within_the_distance() -> None:
     assert (mine.tolist(), other.tolist()) == ([0, 2], [0, 2])
 
 
+def test_readings_at_one_place_are_paired_along_their_normals_and_in_their_order(tmp_path: Path) -> None:
+    """Both walls of six corners, each read twice; the second pass in another order. So the hint of CS6020 can be followed."""
+    corner, wall, again = (grid.ravel() for grid in np.meshgrid(np.arange(6), [0, 1], [0, 1], indexing="ij"))
+    off = 100.0 + 10 * corner + 50 * wall + again
+    rows = np.column_stack([5 * corner, 0 * corner, 0 * corner, wall == 0, wall == 1, 0 * corner, off])
+    cell, columns = read_cell(write_cell(tmp_path)), "x_mm,y_mm,z_mm,nx,ny,nz,dn_um"
+    before = csv(tmp_path, "before.csv", columns, rows)
+    order = np.lexsort([again, -corner, wall])
+    half = rows[order].copy()
+    half[:, 6] /= 2
+    result = verify_files(cell, before, csv(tmp_path, "after.csv", columns, half))
+    assert "CS6022" not in {one.code for one in result.findings}
+    assert result.rows_after.tolist() == np.argsort(order).tolist()
+    assert result.comparison.before.points == 24
+    assert result.comparison.ratio == pytest.approx(2, rel=1e-9)
+
+    other_way = half.copy()
+    other_way[:, 3:] *= -1
+    with pytest.raises(CompstiffError) as stopped:
+        verify_files(cell, before, csv(tmp_path, "turned.csv", columns, other_way))
+    (found,) = stopped.value.findings
+    assert (found.code, "at most 1 mm apart, along normals at most 30 degrees apart" in found.message) == ("CS6023", True)
+    assert "out of the material" in found.hint
+
+
 def test_places_that_got_worse_by_chance_are_as_many_as_stated(tmp_path: Path) -> None:
     """The same deviation twice with the stated noise: 2.3 % of the places look worse."""
     rng = np.random.default_rng(3)
