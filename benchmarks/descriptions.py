@@ -1,7 +1,7 @@
 """Ways of writing a shop's job anew that change nothing: for described_otherwise.py, which says what is tried.
 
-A job is read from the folder that shop_jobs.py wrote, and written into another. CORRECT: ways of which the offsets must be the
-same; IDENTIFY: of which the stiffnesses must be, the program being another's. Nothing of the program is imported.
+CORRECT: ways of which the offsets must be the same, and all that is said of the part; PARTS: of the part's readings alone;
+IDENTIFY: of which the stiffnesses must be, the program being another's. Nothing of the program is imported.
 """
 
 from __future__ import annotations
@@ -9,164 +9,37 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from io import StringIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
-import yaml
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parent))
 from shop_arm import matrix, quaternion, turn, turned_by
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-LIST = r"\[\s*" + NUMBER + r"(?:\s*,\s*" + NUMBER + r"){%d}\s*\]"
-POSE = re.compile(rf"({LIST % 2})(\s*,\s*)({LIST % 3})")
-TARGET = re.compile(rf"\[\s*({LIST % 2})\s*,\s*({LIST % 3})\s*,\s*({LIST % 3})\s*,\s*({LIST % 5})\s*\]")
-SPARED = re.compile(r'(!.*$|"[^"]*")', re.MULTILINE)
-FORCES, MOMENTS = ["fx_n", "fy_n", "fz_n"], ["mx_nm", "my_nm", "mz_nm"]
-
-
-@dataclass
-class Job:
-    """cell: of cell.yaml; modules: text by file name; log, tests: the tables; head: lines above those of the log; turned: from
-    the work object's axes as they were to those now."""
-
-    cell: dict[str, Any]
-    modules: dict[str, str]
-    log: pd.DataFrame
-    tests: pd.DataFrame
-    options: list[str]
-    head: str = ""
-    turned: np.ndarray = field(default_factory=lambda: np.eye(3))
-    dialect: tuple[str, str, str] = (",", ".", "\n")
-    parquet: bool = False
-    crlf: bool = False
-
-    @property
-    def moved(self) -> list[str]:
-        """The log's columns by what they are."""
-        return list(self.cell["force_log"].get("columns", self.log.columns))
-
-    def vectors(self, change: Callable[[np.ndarray], np.ndarray], *groups: list[str]) -> None:
-        """Changes vectors (n, 3) of the log."""
-        for group in groups:
-            if set(group) <= set(self.moved):
-                at = [self.moved.index(name) for name in group]
-                values = change(self.log.iloc[:, at].to_numpy(float))
-                for k, number in enumerate(at):
-                    self.log.isetitem(number, values[:, k])
-
-    def write(self, folder: Path) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "cell.yaml").write_text(yaml.safe_dump(self.cell, sort_keys=False), encoding="utf-8")
-        for name, text in self.modules.items():
-            (folder / name).write_bytes(text.replace("\n", "\r\n" if self.crlf else "\n").encode("latin-1"))
-        sep, point, end = self.dialect
-        for name, table, head in (("forces", self.log, self.head), ("measurements", self.tests, "")):
-            if self.parquet:
-                table.to_parquet(folder / f"{name}.parquet")
-                continue
-            text = table.to_csv(index=False, sep=sep, lineterminator=end,
-                                float_format=lambda x: f"{x:.6f}".replace(".", point))
-            (folder / f"{name}.csv").write_bytes((head.replace("\n", end) + text).encode("utf-8"))
-
-
-def read(folder: Path) -> Job:
-    """A job as shop_jobs.py wrote it."""
-    cell = yaml.safe_load((folder / "cell.yaml").read_text(encoding="utf-8"))
-    words = (folder / "commands.txt").read_text().splitlines()[1].split()
-    names = words[3:words.index("--stiffness")]
-    options = words[words.index("--forces") + 2:words.index("-o")]
-    text, head = (folder / "forces.csv").read_text(encoding="utf-8"), ""
-    if "columns" in cell["force_log"]:
-        lines = text.splitlines(keepends=True)
-        head, text = "".join(lines[:2]), "".join(lines[2:])
-    first = text.splitlines()[0]
-    sep = next(mark for mark in ";\t," if mark in first)
-    log = pd.read_csv(StringIO(text), sep=sep, decimal="," if sep == ";" else ".")
-    def decoded(data: bytes) -> str:
-        try:
-            return data.decode("utf-8")
-        except UnicodeDecodeError:
-            return data.decode("latin-1")
-    modules = {name: decoded((folder / name).read_bytes()).replace("\r\n", "\n") for name in names}
-    return Job(cell, modules, log, pd.read_csv(folder / "measurements.csv"), options, head,
-               dialect=(sep, "," if sep == ";" else ".", "\n"))
-
-
-Pose = tuple[np.ndarray, np.ndarray]
-
-
-def values(text: str) -> np.ndarray:
-    return np.array([float(x) for x in re.findall(NUMBER, text)])
-
-
-def written(numbers: np.ndarray, digits: int) -> str:
-    return "[" + ",".join(f"{x:.{digits}f}" for x in numbers) + "]"
-
-
-def said(pose: Pose) -> tuple[str, str]:
-    return written(pose[0], 6), written(quaternion(pose[1]), 10)
-
-
-def after(one: Pose, other: Pose) -> Pose:
-    return one[0] + one[1] @ other[0], one[1] @ other[1]
-
-
-def inverse(pose: Pose) -> Pose:
-    return -pose[1].T @ pose[0], pose[1].T
-
-
-def yaml_pose(entry: dict[str, Any]) -> Pose:
-    return np.array(entry["position_mm"], float), matrix(np.array(entry["quaternion"], float))
-
-
-def set_pose(entry: dict[str, Any], pose: Pose) -> None:
-    entry["position_mm"], entry["quaternion"] = pose[0].round(7).tolist(), quaternion(pose[1]).round(12).tolist()
-
-
-def each_text(job: Job, change: Callable[[str], str]) -> Job:
-    job.modules = {name: change(text) for name, text in job.modules.items()}
-    return job
-
-
-def code_alone(change: Callable[[str], str]) -> Callable[[str], str]:
-    """Of a change of text: not in comments, strings, and the header above the module."""
-    def changed(text: str) -> str:
-        begin = re.search(r"^\s*MODULE", text, re.MULTILINE)
-        cut = begin.start() if begin else 0
-        parts = SPARED.split(text[cut:])
-        return text[:cut] + "".join(part if k % 2 else change(part) for k, part in enumerate(parts))
-    return changed
-
-
-def targets(job: Job, change: Callable[[Pose], Pose]) -> Job:
-    def one(found: re.Match[str]) -> str:
-        place, quat = said(change((values(found[1]), matrix(values(found[2])))))
-        return f"[{place},{quat},{found[3]},{found[4]}]"
-    return each_text(job, code_alone(lambda text: TARGET.sub(one, text)))
-
-
-def data(job: Job, kind: str, change: Callable[[list[Pose]], list[Pose]]) -> Job:
-    """The frames in a tooldata or wobjdata, which is one line."""
-    def line(found: re.Match[str]) -> str:
-        frames = list(POSE.finditer(found[0]))[:1 if kind == "tooldata" else 2]
-        new = change([(values(m[1]), matrix(values(m[3]))) for m in frames])
-        text, end = "", 0
-        for m, pose in zip(frames, new, strict=True):
-            text += found[0][end:m.start()] + "{},{}".format(*said(pose))
-            end = m.end()
-        return text + found[0][end:]
-    return each_text(job, lambda text: re.sub(rf"^.*\b{kind}\b.*$", line, text, flags=re.MULTILINE))
-
-
-# ---- the same, described otherwise --------------------------------------------------------------
+from benchmarks.described_job import (
+    FORCES,
+    MOMENTS,
+    NORMALS,
+    NUMBER,
+    PLACES,
+    POSE,
+    Job,
+    after,
+    code_alone,
+    data,
+    each_text,
+    inverse,
+    set_pose,
+    targets,
+    values,
+    written,
+    yaml_pose,
+)
 
 Change = Callable[[Job, np.random.Generator], Job]
 CORRECT: dict[str, Change] = {}
+PARTS: dict[str, Change] = {}
 IDENTIFY: dict[str, Change] = {}
 
 
@@ -259,7 +132,10 @@ def work_object(job: Job, rng: np.random.Generator) -> Job:
         numbers = turned @ values(found[2])
         return f"Offs({found[1]},{','.join(f'{x:.6f}' for x in numbers)})"
     job = each_text(job, code_alone(lambda text: re.sub(rf"Offs\((\w+),((?:{NUMBER},?){{3}})\)", shift, text)))
-    job.vectors(lambda place: (place - new[0]) @ new[1], ["x_mm", "y_mm", "z_mm"])
+    job.vectors(lambda place: (place - new[0]) @ new[1], PLACES)
+    job.places(lambda place: (place - new[0]) @ new[1], turned)
+    if "workobject" in job.cell:
+        set_pose(job.cell["workobject"], after(yaml_pose(job.cell["workobject"]), new))
     job.turned = turned
     return job
 
@@ -268,7 +144,8 @@ def work_object(job: Job, rng: np.random.Generator) -> Job:
 def world(job: Job, rng: np.random.Generator) -> Job:
     """Robot and work object put elsewhere in the world together, upright as they were."""
     moved = rng.uniform(-900, 900, 3), turn(2, rng.uniform(-3, 3))
-    set_pose(job.cell["base_frame"], after(moved, yaml_pose(job.cell["base_frame"])))
+    for entry in {"base_frame", "workobject"} & set(job.cell):
+        set_pose(job.cell[entry], after(moved, yaml_pose(job.cell[entry])))
     return data(job, "wobjdata", lambda frames: [after(moved, frames[0]), frames[1]])
 
 
@@ -337,6 +214,7 @@ def columns(job: Job, rng: np.random.Generator) -> Job:
         job.cell["force_log"]["columns"] = [job.moved[k] for k in order]
     job.log = job.log.iloc[:, order]
     job.tests = job.tests.iloc[:, rng.permutation(job.tests.shape[1])]
+    job.part = {name: table.iloc[:, rng.permutation(table.shape[1])] for name, table in job.part.items()}
     return job
 
 
@@ -362,6 +240,22 @@ def milliseconds(job: Job, rng: np.random.Generator) -> Job:
     if "time_s" in job.log.columns and "columns" not in job.cell["force_log"]:
         job.log["time_s"] *= 1000
         job.log = job.log.rename(columns={"time_s": "time_ms"})
+    return job
+
+
+@of(PARTS)
+def normals_turned_over(job: Job, rng: np.random.Generator) -> Job:
+    """A deviation along a normal is its opposite along the opposite normal."""
+    for table in job.part.values():
+        if "dn_um" in table:
+            table[[*NORMALS, "dn_um"]] *= -1
+    return job
+
+
+@of(PARTS)
+def order_of_the_second(job: Job, rng: np.random.Generator) -> Job:
+    """The part was measured in another order after its correction: the first pass tells what the path is."""
+    job.part["after"] = job.part["after"].iloc[rng.permutation(len(job.part["after"]))]
     return job
 
 

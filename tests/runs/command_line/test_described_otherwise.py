@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.described_job import read
 from benchmarks.described_otherwise import answered, differences, make
-from benchmarks.descriptions import CORRECT, read
+from benchmarks.descriptions import CORRECT
 
 # What needs other readers than the rest, or says nothing of these logs.
 LEFT = ("nothing", "scope", "dialect", "parquet", "clock", "milliseconds")
