@@ -280,7 +280,7 @@ def _diagnosis(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[F
     verdict = json.loads(file.read_bytes()).get("verdict")
     if verdict is None:
         return "of a plan", ()
-    read_diagnosis(file, cell)
+    read_diagnosis(file, cell, for_loads=False)
     return f"verdict {verdict}", ()
 
 

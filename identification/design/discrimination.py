@@ -127,8 +127,9 @@ class _DiagnosisFile(BaseModel):
     visits: _Visits | None = None
 
 
-def read_diagnosis(file: Path, cell: Cell) -> Diagnosed:
-    """diagnosis.json of this robot. Raises CompstiffError (CS1650) for another file or another robot's."""
+def read_diagnosis(file: Path, cell: Cell, *, for_loads: bool = True) -> Diagnosed:
+    """diagnosis.json of this robot; for_loads: of load tests. Raises CompstiffError (CS1650) for another file or another
+    robot's."""
     try:
         content = json.loads(file.read_bytes())
     except OSError as problem:
@@ -151,6 +152,9 @@ def read_diagnosis(file: Path, cell: Cell) -> Diagnosed:
     if said.verdict not in VERDICTS:
         raise error("CS1650", f"verdict: found '{said.verdict}', expected one of {', '.join(VERDICTS)}", file=str(file),
                     hint="give what compstiff diagnose -o wrote, as it wrote it")
+    if for_loads and "measured" in content:
+        raise error("CS1650", f"of a {content['measured']}: its rows are moments of a motion, and loads are planned from load "
+                    "tests", file=str(file), hint="diagnose the measurements that are named with --add")
     known = effects()
     for rival in said.alternatives:
         if rival.effect not in known or rival.joint not in known[rival.effect].places:

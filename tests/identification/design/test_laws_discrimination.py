@@ -308,3 +308,15 @@ def test_files_that_are_no_diagnosis_of_this_cell(hard, tmp_path):
         assert finding.message.startswith(says)
     wrong.write_text(json.dumps(content))
     assert read_diagnosis(wrong, cell).verdict == content["verdict"]
+
+
+def test_a_joint_log_s_diagnosis_plans_no_loads(cell, tmp_path):
+    """Its names had been fitted to whatever load tests stood beside it."""
+    file = tmp_path / "diagnosis.json"
+    file.write_text(json.dumps({"format": "compstiff-diagnosis", "robot": cell.robot.name, "verdict": "ambiguous",
+                                "measured": "joint deflection log"}))
+    with pytest.raises(CompstiffError) as refused:
+        read_diagnosis(file, cell)
+    (said,) = refused.value.findings
+    assert (said.code, said.message[:30]) == ("CS1650", "of a joint deflection log: its")
+    assert read_diagnosis(file, cell, for_loads=False).verdict == "ambiguous"       # compstiff check
