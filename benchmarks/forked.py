@@ -1,8 +1,8 @@
 """A pytest that has collected all tests once and runs some of them in forks, each with one change of the packages.
 
-For mutants.py. A change within a function is made in the fork alone, in the code of the functions as they are loaded, so that
-nothing is imported or collected again; processes that a test starts read the changed file. What was computed while the tests
-were collected is computed without the change.
+For mutants.py. A change is made in the fork alone, so that nothing is imported or collected again: within a function in the
+code of the functions as they are loaded, outside in the values of the modules (loaded_modules.py). Processes that a test starts
+read the changed file. What was computed while the tests were collected is computed without the change.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from benchmarks.loaded_modules import Loaded
 
 PACKAGES = ("identification", "compensator", "compstiff")
 SOCKET = "COMPSTIFF_FORKED"                         # the variable of the environment that names the socket's number
@@ -98,6 +100,7 @@ class Plugin:
         for each in gc.get_objects():
             if isinstance(each, types.FunctionType):
                 self.functions.setdefault(each.__code__.co_filename, []).append(each)
+        self.loaded = Loaded.of(*PACKAGES, "tests", "benchmarks")
         gc.freeze()
         items = {item.nodeid: item for item in session.items}
         self._tell(tests=list(items))
@@ -144,7 +147,10 @@ class Plugin:
         return {"verdict": "passed", "by": ""}
 
     def _changed(self, file: str) -> bool:
-        """Gives loaded functions the code that the file has now; whether there was a difference to give."""
+        """Gives loaded functions the code that the file has now, or modules the values; whether there was a difference to
+        give."""
+        if self.loaded.given(file):
+            return True
         new = {_key(code): code for code in _codes(compile(Path(file).read_text(encoding="utf-8"), file, "exec"))}
         changed = False
         for function in self.functions.get(file, []):

@@ -7,13 +7,13 @@
 What is changed: operators, comparisons, `and`/`or`, `min`/`max`, `all`/`any`, signs, numbers, True and False, a return of
 nothing, `continue`/`break`, a `not`. As many are drawn from each room, in turns, so that a run that is cut short is even too;
 with --since only of lines that the commit did not have, with --limits only numbers outside functions.
-Each is made in a copy of the tree, in a fork of a pytest that has collected all tests (forked.py); outside functions in a
-process of its own. Tests that reach its statement judge it, those of its own room first, then all others, the cheapest first,
-until they would take --budget seconds of the processor; for a statement outside functions (a limit, a table) those that reach
-a line which names what it sets; with --tests all of these files. A test that fails notices it; on the tree as it is it must
-pass, which is tried once in a call. What takes five times as long as the map says has hung. What was judged stands in a file of
-JSON lines, and is not judged again: the same call goes on. Printed: by room. Survivors whose change nobody can see are in
-equivalent_mutants.py, each with its reason.
+Each is made in a copy of the tree, in a fork of a pytest that has collected all tests (forked.py); where it reaches into a
+class, in a process of its own. Tests that reach its statement judge it, those of its own room first, then all others, the
+cheapest first, until they would take --budget seconds of the processor; for a statement outside functions (a limit, a table)
+those that reach a line which names what it sets; with --tests all of these files. A test that fails notices it; on the tree as
+it is it must pass, which is tried once in a call. What takes five times as long as the map says has hung. What was judged
+stands in a file of JSON lines, and is not judged again: the same call goes on. Printed: by room. Survivors whose change nobody
+can see are in equivalent_mutants.py, each with its reason.
 """
 
 from __future__ import annotations
@@ -220,9 +220,7 @@ class Judge:
             return "broken", ""
         if not tests:
             return "unreached", ""
-        outcome, by = "apart", ""
-        if statement(text, mutant.line)[2]:
-            outcome, by = self.forked.ran(tests, limit, self.tree / mutant.file)
+        outcome, by = self.forked.ran(tests, limit, self.tree / mutant.file)
         if outcome == "apart":
             code, by = ran(self.tree, tests, limit)
             outcome = "hung" if code is None else "failed" if code else "passed"
