@@ -98,7 +98,7 @@ def answered(
         options = [word for name, value in pairwise(job.options) if name in LEARNS for word in (name, value)]
         if len(job.modules) == 1:
             steps.append(("learn", ["learn", "cell.yaml", *job.modules, tables[0], "--stiffness", "stiffness.json", "--forces",
-                                    f"forces.{end}", *options, "-o", "learned.json"]))
+                                    f"forces.{end}", "--accept-rejected", *options, "-o", "learned.json"]))
     for name, words in steps:
         answer.exits[name], told = called(folder, *words)
         if name in ("learn", "verify"):
