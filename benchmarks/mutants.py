@@ -10,10 +10,10 @@ with --since only of lines that the commit did not have, with --limits only numb
 Each is made in a copy of the tree, in a fork of a pytest that has collected all tests (forked.py); where it reaches into a
 class, in a process of its own. Tests that reach its statement judge it, those of its own room first, then all others, the
 cheapest first, until they would take --budget seconds of the processor; for a statement outside functions (a limit, a table)
-those that reach a line which names what it sets; with --tests all of these files. A test that fails notices it; on the tree as
-it is it must pass, which is tried once in a call. What takes five times as long as the map says has hung. What was judged
-stands in a file of JSON lines, and is not judged again: the same call goes on. Printed: by room. Survivors whose change nobody
-can see are in equivalent_mutants.py, each with its reason.
+those that reach a line which names what it sets, and those of tables; with --tests all of these files. A test that fails
+notices it; on the tree as it is it must pass, which is tried once in a call. What takes five times as long as the map says has
+hung. What was judged stands in a file of JSON lines, and is not judged again: the same call goes on. Printed: by room.
+Survivors whose change nobody can see are in equivalent_mutants.py, each with its reason.
 """
 
 from __future__ import annotations
@@ -56,6 +56,9 @@ PAIRS = (("+", "-"), ("*", "/"), ("<", "<="), (">", ">="), ("==", "!="), ("and",
 SWAPS = {**dict(PAIRS), **{other: one for one, other in PAIRS}, "**": "*", "//": "/", "%": "*", "@": "*", "not": "",
          "is": "is not"}
 PYTEST = (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts=")
+# Tests that hold what stands outside functions against tables written by hand: they reach no line that names it.
+TABLES = ("tests/identification/model/test_contract_registry.py::", "tests/test_file_limits.py::",
+          "tests/compstiff/cli/test_contract_limits.py::")
 # Where a change is of no behaviour: words for people, types, what is imported for the type checker alone.
 NO_CODE = re.compile(r"^\s*(@|from |import |def |class |if TYPE_CHECKING|raise error|hint=|f?\"|\w+: [A-Z][\w\[\], .|]*$)")
 
@@ -162,10 +165,13 @@ def judges(mutant: Mutant, known: Map, budget: float) -> list[str]:
         tests = known.reaching((file, k) for file in known.reach if (ROOT / file).is_file()
                                for k, line in enumerate((ROOT / file).read_text(encoding="utf-8").split("\n"), 1)
                                if name.search(line))
+    tables = [] if inside else [test for test in known.seconds if test.startswith(TABLES)]
+    tests = list(dict.fromkeys([*tables, *tests]))
     parts = Path(mutant.file).with_suffix("").parts
     own = tuple(f"tests/{'/'.join(parts[:size])}/" for size in (3, 2))
     chosen, spent, warm = [], 0.0, set()
-    for test in sorted(tests, key=lambda test: (not test.startswith(own[1]), not test.startswith(own[0]))):
+    for test in sorted(tests, key=lambda test: (test not in tables, not test.startswith(own[1]),
+                                             not test.startswith(own[0]))):
         # A second test of a file costs no further start.
         file = test.split("::")[0]
         cost = known.seconds[test] + 0.02 + 0.2 * (file not in warm)
