@@ -58,7 +58,8 @@ SWAPS = {**dict(PAIRS), **{other: one for one, other in PAIRS}, "**": "*", "//":
 PYTEST = (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts=")
 # Tests that hold what stands outside functions against tables written by hand: they reach no line that names it.
 TABLES = ("tests/identification/model/test_contract_registry.py::", "tests/test_file_limits.py::",
-          "tests/compstiff/cli/test_contract_limits.py::", "tests/compensator/modbus/test_contract_wire.py::test_the_documented_map_is_the_map")
+          "tests/compstiff/cli/test_contract_limits.py::",
+          "tests/compensator/modbus/test_contract_wire.py::test_the_documented_map_is_the_map")
 # Where a change is of no behaviour: words for people, types, what is imported for the type checker alone.
 NO_CODE = re.compile(r"^\s*(@|from |import |def |class |if TYPE_CHECKING|raise error|hint=|f?\"|\w+: [A-Z][\w\[\], .|]*$)")
 
