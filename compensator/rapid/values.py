@@ -65,7 +65,7 @@ class Values:
         return Unsettled("CS2010", f"{self.spelled(expr)} is declared by itself")
 
     def declared(self, expr: Expr, scope: Scope, *types: str) -> Site | Unsettled:
-        """The declared value that a name or element with literal indices stands for, aliases not followed."""
+        """The declared value that a name or element stands for, aliases not followed."""
         name = self.source.text(expr.start, expr.start + len(expr.name.encode(self.source.encoding)))
         number = self.names.find(expr.name, scope)
         if number < 0:
@@ -87,9 +87,12 @@ class Values:
         indices: list[int] = []
         if expr.kind == "element":
             for index in expr.items:
-                if index.kind != "number" or not index.value.is_integer():
+                at = self._index(index, scope)
+                if at is None:
                     return Unsettled("CS2056", f"the index of {name} is known only at run time: one move for several positions")
-                indices.append(int(index.value))
+                if not at.is_integer():
+                    return Unsettled("CS2010", f"{name} has no element {{{at:g}}}: an index is a whole number")
+                indices.append(int(at))
         if len(indices) != declaration.dimensions:
             return Unsettled("CS2010", f"{name} has {declaration.dimensions} dimensions, {len(indices)} indices stand here")
         for at in indices:
@@ -97,6 +100,11 @@ class Values:
                 return Unsettled("CS2010", f"{name} has no element {{{at}}} in its declaration")
             value = value.items[at - 1]
         return Site(value, declaration.scope, number, tuple(indices))
+
+    def _index(self, expr: Expr, scope: Scope) -> float | None:
+        """The index of an element: a number, or arithmetic of CONST num; None where the text does not settle it."""
+        return expr.value if expr.kind == "number" else arithmetic(
+            tokens(self.source, expr.start, expr.end), lambda token: self._constant(token, scope))
 
     def initial(self, number: int) -> Expr:
         """The parsed initial value of a declaration that has one."""

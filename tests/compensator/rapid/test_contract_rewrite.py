@@ -168,6 +168,14 @@ def test_array_elements():
         f"LOCAL CONST robtarget pts_c1:={target('4.0000')};", f"MoveL pts_c1,{MOVE}"]
 
 
+def test_elements_by_a_constant_get_declarations_of_their_own():
+    text = program(f"MoveL pts{{n}},{MOVE}\nMoveL pts{{2}},{MOVE}\nMoveL pts{{N}},{MOVE}",
+                   f"CONST num n:=2;CONST robtarget pts{{2}}:=[{target(1)},{target(2)}];")
+    written = shift(text, [0, 1, 2], [TENTH, TENTH, [1, 0, 0]])
+    assert written.content.decode().count(f"pts{{2}}:=[{target(1)},{target(2)}];") == 1
+    assert millimetres(read_rapid(written.content).toolpath) == [[2.1, 0.2, 0.3]] * 2 + [[3, 0, 0]]
+
+
 def test_an_array_with_a_variable_index_somewhere_keeps_its_declaration():
     text = program(f"MoveL pts{{1}},{MOVE}\nMoveL pts{{i}},{MOVE}", f"CONST robtarget pts{{1}}:=[{target(1)}];")
     assert changed(text, shift(text, [0], [TENTH]).content)[1] == f"MoveL pts_c1,{MOVE}"

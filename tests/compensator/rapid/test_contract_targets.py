@@ -77,12 +77,31 @@ def test_arrays_of_one_to_three_dimensions():
     assert millimetres(path(body, declarations)) == [[2, 0, 0], [4, 0, 0], [5, 0, 0], [8, 0, 0]]
 
 
-@pytest.mark.parametrize(("used", "why"), [("pts{i}", "index"), ("pts{3}", "no element"), ("pts", "dimensions"),
-                                           ("pts{1,1}", "dimensions")])
-def test_array_elements_that_are_not_known(used, why):
-    toolpath = path(f"MoveL {used},{MOVE}", f"CONST robtarget pts{{2}}:=[{target(1)},{target(2)}];")
+ARRAY = (f"CONST robtarget pts{{2}}:=[{target(1)},{target(2)}];\nCONST num n:=2;\nPERS num may:=1;\nCONST num c:=nums{{c}};\n"
+         "CONST num nums{2}:=[1,2];\nCONST robtarget other:=pts{N};\n")
+
+
+@pytest.mark.parametrize(("used", "code", "why"), [
+    ("pts{i}", "CS2056", "the index of pts is known only at run time: one move for several positions"),
+    ("pts{may}", "CS2056", "index"), ("pts{nums{1}}", "CS2056", "index"), ("pts{c}", "CS2056", "index"),
+    ("pts{3}", "CS2010", "pts has no element {3} in its declaration"),
+    ("pts{n+1}", "CS2010", "pts has no element {3} in its declaration"),
+    ("pts{n/4}", "CS2010", "pts has no element {0.5}: an index is a whole number"),
+    ("pts", "CS2010", "pts has 1 dimensions, 0 indices stand here"),
+    ("pts{0}", "CS2010", "pts has no element {0}"), ("pts{1,1}", "CS2010", "pts has 1 dimensions, 2 indices stand here"),
+])
+def test_array_elements_that_are_not_known(used, code, why):
+    toolpath = path(f"MoveL {used},{MOVE}", ARRAY)
     assert why in toolpath.block[0]
+    assert [finding.code for finding in toolpath.findings] == [code]
     assert np.isnan(toolpath.position).all()
+
+
+@pytest.mark.parametrize(("used", "x"), [("pts{n}", 2), ("pts{n-1}", 1), ("Pts{(N)}", 2), ("other", 2), ("pts{n/2}", 1),
+                                         ("Offs(pts{n},1,0,0)", 3)])
+def test_a_constant_is_an_index_as_its_number_is(used, x):
+    toolpath = path(f"MoveL {used},{MOVE}", ARRAY)
+    assert (millimetres(toolpath), toolpath.findings) == ([[x, 0, 0]], ())
 
 
 def test_offs_moves_along_the_object_frame():
