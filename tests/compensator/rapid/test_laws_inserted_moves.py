@@ -67,15 +67,17 @@ ARC = ("[[10,10,0],[1,0,0,0],[1,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]", "[[20,0,0],[
     (",v100,z1,tool0;", ",v100,z0,tool0;"), (",v100,z0,tool0;", ",v100,z0,tool0;"), (",v100,fine,tool0;", ",v100,z0,tool0;"),
     (",v100,z5\\Z:=0.3,tool0;", ",v100,z5\\Z:=0.3,tool0;"), (",v100,z5\\Z:=0.31,tool0;", ",v100,z0,tool0;"),
     (",v100,zMine,tool0;", ",v100,z0,tool0;")])
-@pytest.mark.parametrize("parts", [1, 2])
+@pytest.mark.parametrize("parts", [1, 2, 3])
 def test_an_arc_in_parts_ends_each_where_the_next_begins(tail: str, further: str, parts: int) -> None:
     """Each half in so many: the first half's targets in the circle point's configuration, the second's in the end's. A zone of
     more than 0.3 mm would cut the arc at each joint."""
     start = f"MoveL {target(0)},v100,z1,tool0;\n  "
-    one, two = ([pose(k + place) for place in range(2 * parts - 1)] for k in (1, 5))
+    one, two = ([pose(k + place) for place in range(2 * parts - 1)] for k in (1, 6))
     first, second = (lambda x: new(x, "[1,0,0,0]")), (lambda x: new(x, "[2,0,0,0]"))
-    added = {1: [(first(1), ARC[0])], 2: [(first(1), first(2)), (first(3), ARC[0]), (second(5), second(6))]}[parts]
-    last = second(5 if parts == 1 else 7)
+    added = {1: [(first(1), ARC[0])], 2: [(first(1), first(2)), (first(3), ARC[0]), (second(6), second(7))],
+             3: [(first(1), first(2)), (first(3), first(4)), (first(5), ARC[0]), (second(6), second(7)), (second(8), second(9))]
+             }[parts]
+    last = second(4 + 2 * parts)
     assert more(f"{start}MoveC {ARC[0]} , {ARC[1]}{tail}\n", MoreMoves(1, halves=(one, two))) == start + "".join(
         f"MoveC {via},{end}{further}\n  " for via, end in added) + f"MoveC {last} , {ARC[1]}{tail}\n"
 
