@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from compensator.rapid import marks as marks_module
 from compensator.rapid import marks_of, read_rapid, rewrite, with_marks
+from compensator.rapid.insertion import marked
 from identification.common.findings import CompstiffError
 from tests.compensator.rapid.small_programs import program, target
 
@@ -176,3 +179,19 @@ def test_a_signal_has_a_name_of_at_most_32(signal: str, fits: bool) -> None:
     else:
         with pytest.raises(CompstiffError, match="CS2053.*no name of a signal"):
             with_marks(plain, signal)
+
+
+@pytest.mark.parametrize(("was", "now"), [
+    (b"doMark,1", b"doOther,1"), (b"MoveLDO [[40", b"MoveLDO [[41"), (b"doMark,0", b"doMark,1"), (b"DO [[20", b" [[20"),
+    (b"v50,z1,tool0,doMark,0", b"v60,z1,tool0,doMark,0"), (b"[1,0,0,0],[0,0,0,0]", b"[0,1,0,0],[0,0,0,0]")])
+def test_a_marked_program_that_does_not_read_back_is_not_given(monkeypatch: pytest.MonkeyPatch, was: bytes, now: bytes) -> None:
+    """A target elsewhere, another speed or orientation, a mark that is missing or says the other level."""
+    def spoilt(*given: Any) -> bytes:
+        text = marked(*given)
+        assert was in text
+        text = re.sub(rb",doMark,0", b"", text) if was.startswith(b"DO") else text
+        return text.replace(was, now, 1)
+
+    monkeypatch.setattr(marks_module, "marked", spoilt)
+    with pytest.raises(CompstiffError, match=r"CS2053.*does not read back"):
+        with_marks(read_rapid(program(line(3, 20)).encode(), "p.mod"), "doMark")
