@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.compensator.rapid.small_programs import UNUSED, found, millimetres, path, target
 
@@ -120,6 +121,32 @@ def test_reltool_moves_along_the_tool_and_turns_about_it():
     assert millimetres(toolpath) == [[11, 18, 27], [10, 20, 30]]
     # (0,1,0,0) times a quarter turn about z, (c,0,0,c): i (c + c k) = c i - c j
     assert toolpath.quaternion[1] == pytest.approx([0, np.sqrt(0.5), -np.sqrt(0.5), 0], abs=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_reltool_is_a_displacement_of_rotation_matrices(seed: int) -> None:
+    """Of any target by any displacement and turns; a work object carries its object frame likewise."""
+    rng = np.random.default_rng((2017, seed))
+    first, second = (Rotation.from_quat(rng.normal(size=4)) for _ in range(2))
+    place, shift, angles, origin = rng.uniform(-180, 180, (4, 3))
+
+    def spelled(turn: Rotation) -> str:
+        return "[" + ",".join(f"{part:.12f}" for part in turn.as_quat()[[3, 0, 1, 2]]) + "]"
+
+    options = "".join(f"\\R{axis}:={angle:.12f}" for axis, angle in zip("xyz", angles, strict=True))
+    data = (f"CONST robtarget p:={target(*(f'{x:.12f}' for x in place), spelled(first))};\nPERS wobjdata w:=[FALSE,TRUE,\"\",["
+            f"[{','.join(f'{x:.12f}' for x in origin)}],{spelled(second)}],[[{','.join(f'{x:.12f}' for x in place)}],"
+            f"{spelled(first)}]];")
+    found = path(f"MoveL RelTool(p,{','.join(f'{x:.12f}' for x in shift)}{options}),v100,z1,tool0\\WObj:=w;", data)
+    turn = first * Rotation.from_euler("XYZ", angles, degrees=True)
+    np.testing.assert_allclose(1e3 * found.position[0], place + first.apply(shift), atol=1e-9)
+    np.testing.assert_allclose(Rotation.from_quat(found.quaternion[0][[1, 2, 3, 0]]).as_matrix(), turn.as_matrix(), atol=1e-9)
+    frame, = found.workobjects
+    assert frame.position is not None
+    assert frame.quaternion is not None
+    np.testing.assert_allclose(1e3 * frame.position, origin + second.apply(place), atol=1e-9)
+    np.testing.assert_allclose(Rotation.from_quat(frame.quaternion[[1, 2, 3, 0]]).as_matrix(), (second * first).as_matrix(),
+                               atol=1e-9)
 
 
 def test_reltool_turns_about_x_then_the_new_y_then_the_new_z():
