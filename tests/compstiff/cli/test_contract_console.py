@@ -1,5 +1,8 @@
 """What every command promises: exit codes, one JSON document, no traceback, nothing half written."""
 
+import contextvars
+import gc
+import io
 import json
 import os
 import re
@@ -12,11 +15,15 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from compstiff import __main__ as entry
 from compstiff import explain_code
 from compstiff.cli import console
+from compstiff.cli import main as main_module
+from compstiff.cli import push as pushing
 from compstiff.cli.main import compstiff as group
 from compstiff.cli.options import MinSpacing, TargetRange
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import Outcome, Session, attempt, document
+from identification.common import progress
 from identification.common.catalogue import catalogue
 from identification.common.files import check_writable, write_whole
 from identification.common.findings import CompstiffError, Finding, Refused, error, fold
@@ -120,6 +127,59 @@ def test_findings_fold_and_quiet_keeps_errors() -> None:
     assert len(json.loads(run(body, "--json", "-v")[1])["findings"]) == 3
 
 
+def test_a_script_is_shown_findings_folded_unless_it_asks() -> None:
+    notes = Outcome(findings=tuple(Finding("CS3011", "note", "same", file="a", line=i) for i in (4, 5, 6)))
+    assert [len(document(session, notes, "ok", 0)["findings"]) for session in (Session("try"), Session("try", verbose=True))
+            ] == [1, 3]
+    assert document(Session("try"), Outcome(), "failed", 1)["result"] is None
+    assert document(Session("try"), Outcome(), "ok", 0)["result"] == {}
+    assert document(Session("try"), Outcome({"a": 1}), "refused", 3)["result"] == {"a": 1}
+
+
+@pytest.mark.parametrize(("terminal", "words", "shown"), [
+    (True, {}, True), (False, {}, False), (True, {"quiet": True}, False), (True, {"as_json": True}, False)])
+def test_progress_is_shown_where_a_person_watches(
+    monkeypatch: pytest.MonkeyPatch, terminal: bool, words: dict[str, bool], shown: bool
+) -> None:
+    seen = []
+
+    def body() -> Outcome:
+        seen.append(progress.shown.get())
+        return Outcome()
+
+    monkeypatch.setattr(sys, "stderr", Terminal(terminal))
+    assert contextvars.copy_context().run(attempt, Session("try", **words), body)[1:] == ("ok", 0)
+    assert seen == [shown]
+
+
+class Terminal(io.StringIO):
+    """Where something is written to that a person sees, or not."""
+
+    def __init__(self, terminal: bool) -> None:
+        super().__init__()
+        self.terminal = terminal
+
+    def isatty(self) -> bool:
+        return self.terminal
+
+
+@pytest.mark.parametrize(("terminal", "words", "after", "shown"), [
+    (True, {}, 1.1, True), (True, {}, 0.9, False), (False, {}, 9.0, False), (True, {"quiet": True}, 9.0, False),
+    (True, {"as_json": True}, 9.0, False)])
+def test_pages_of_offsets_are_counted_for_a_person_who_waits(
+    monkeypatch: pytest.MonkeyPatch, terminal: bool, words: dict[str, bool], after: float, shown: bool
+) -> None:
+    """Every tenth and the last, on one line."""
+    stream, now = Terminal(terminal), [100.0]
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(pushing.time, "monotonic", lambda: now[0])
+    told = pushing._progress(Session("push", **words))
+    now[0] += after
+    for page in range(1, 24):
+        told(page, 23)
+    assert stream.getvalue() == ("\rpage 10 of 23\rpage 20 of 23\rpage 23 of 23\n" if shown else "")
+
+
 def test_wrong_calls_exit_2_with_json_too() -> None:
     assert compstiff_process("identify", "--nonsense").returncode == 2
     missing = compstiff_process("identify", "no.yaml", "no.csv", "-o", "x.json", "--json")
@@ -182,6 +242,25 @@ def test_ctrl_c_exits_130(tmp_path) -> None:
         _, stderr = process.communicate(timeout=300)
     assert process.returncode == 130
     assert "Traceback" not in stderr
+
+
+@pytest.mark.parametrize(("stated", "threads"), [(None, "1"), ("4", None)])
+def test_the_linear_algebra_has_one_thread_unless_its_user_says(
+    monkeypatch: pytest.MonkeyPatch, stated: str | None, threads: str | None
+) -> None:
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "ARROW_DEFAULT_MEMORY_POOL"):
+        monkeypatch.setenv(name, "")            # so that all is put back
+        monkeypatch.delenv(name)
+    if stated:
+        monkeypatch.setenv("OMP_NUM_THREADS", stated)
+    monkeypatch.setattr(main_module, "main", lambda: None)
+    before = gc.get_threshold()
+    try:
+        entry.run()
+    finally:
+        gc.set_threshold(*before)
+    assert (os.environ.get("OPENBLAS_NUM_THREADS"), os.environ.get("OMP_NUM_THREADS")) == (threads, stated)
+    assert os.environ["ARROW_DEFAULT_MEMORY_POOL"] == "system"
 
 
 @pytest.mark.parametrize(("written", "code"), [([], 130), (["a.mod"], 0)])
