@@ -139,6 +139,8 @@ def test_the_middle_of_the_targets_counts() -> None:
     offset = np.vstack([times(1.0), np.zeros((6, 3))])
     offset[6:] = -9e-6 * np.eye(3).repeat(2, axis=0)[[0, 2, 4, 1, 3, 5]]
     assert heard(offset, deviation=slight)[0] == ""
+    offset[:6] = times(1.7)
+    assert heard(offset, deviation=slight)[:1] == ("CS5027",)
 
 
 @pytest.mark.parametrize(("angle", "said"), [
