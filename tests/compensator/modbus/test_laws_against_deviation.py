@@ -171,6 +171,15 @@ def test_what_is_rounded_is_not_judged(size: float, code: str) -> None:
     assert heard(np.zeros((3, 3)), deviation=1e3 * one)[0] == ""
 
 
+def test_a_deviation_that_is_not_known_whole_says_nothing() -> None:
+    partly = DEVIATION.copy()
+    partly[2, 1] = np.nan
+    offset = times(1.0)
+    offset[2] = [0, 9e-3, 0]
+    assert heard(offset, deviation=partly)[0] == ""
+    assert heard(offset)[0] == "CS5025"
+
+
 def test_a_target_that_is_moved_where_nothing_gives_way_is_named() -> None:
     offset = times(1.0)
     offset[5] = [0, 0, -1e-5]

@@ -407,6 +407,8 @@ def test_a_file_that_may_not_be_read_is_a_wrong_call(tmp_path: Path, monkeypatch
 
 S = ("--stiffness", "s.json")
 F = ("--forces", "f.csv")
+ROBOT = "irb6660-205-1.90"
+TOOL = ("--robot", ROBOT, "--tool-tcp", "120,0,250")
 
 
 @pytest.mark.parametrize(("words", "said"), [
@@ -442,6 +444,32 @@ F = ("--forces", "f.csv")
     (("design", "cell.yaml", "--add", "3", "rows.csv", "--criterion", "C", "--diagnosis", "s.json", "-o", "p.csv"),
      "give one of them"),
     (("design", "cell.yaml", "--add", "3", "rows.csv", "--measurements", "4", "-o", "p.csv"), "--add says how many runs"),
+    (("design", "cell.yaml", "--add", "3", "rows.csv", "--preset", "paper", "-o", "p.csv"), "--add says how many runs"),
+    (("design", "cell.yaml", "--preset", "paper", "--measurements", "5", "-o", "p.csv"), "--preset paper has five"),
+    (("design", "cell.yaml", *F, "-o", "p.csv"), "--forces belongs to --toolpath"),
+    (("design", "cell.yaml", "--position", "1", "2", "3", "--box", *"123456", "-o", "p.csv"), "--position and --box exclude"),
+    (("design", "cell.yaml", "--diagnosis", "s.json", "-o", "p.csv"), "--diagnosis belongs to --add N MEASUREMENTS"),
+    (("design", "cell.yaml", "--dead-weight", "much", "-o", "p.csv"), "--dead-weight takes masses in kg such as 20,40"),
+    *((("design", "cell.yaml", "--direction", "free", *more, "-o", "p.csv"), "--direction free loads each pose along a line")
+      for more in (("--axes", "xy"), ("--every-axis",), ("--preset", "paper"))),
+    *((("design", "cell.yaml", "--dead-weight", "20,40", *more, "-o", "p.csv"), "--dead-weight only pulls down")
+      for more in (("--preset", "paper"), ("--every-axis",), ("--axes", "z"), ("--direction", "free"), ("--max-force", "300"))),
+    *((("correct", "cell.yaml", "part.mod", "path.apt", *S, *more, "-o", "out"), "name the log of one program: call it")
+      for more in (("--other-forces", "f.csv"), ("--first-forces", "f.csv"))),
+    (("correct", "cell.yaml", "part.mod", "second.mod", *S, *F, "-o", "out.mod"), "-o names a folder, not 'out.mod'"),
+    (("correct", "cell.yaml", "part.mod", *S, "-o", "out.mod"), "there is no force log part.forces.csv (or .parquet) beside"),
+    (("correct", "cell.yaml", "part.mod", *S, *F, "--first-forces", "f.csv", "-o", "x.mod"), "--first-forces needs"),
+    (("correct", "cell.yaml", "part.mod", *S, *F, "--predict-force", "s.json", "-o", "x.mod"), "--predict-force and --stock"),
+    (("correct", "cell.yaml", "part.mod", *S, *F, "--stock", "stock.yaml", "-o", "x.mod"), "--predict-force and --stock"),
+    (("init", "new", "--robot", ROBOT), "Missing option '--tool-tcp': there is no terminal to ask on."),
+    (("init", "new"), "Missing option '--robot' and '--tool-tcp'"),
+    (("init", "new", *TOOL, "--force-frame", "sensor"), "--force-frame sensor needs --sensor-position."),
+    *((("init", "new", *TOOL, *more), "belong to --force-frame sensor.")
+      for more in (("--sensor-position", "1,2,3"), ("--sensor-quaternion", "1,0,0,0", "--force-frame", "tool"))),
+    *((("init", "new", *TOOL, *more), "--cutter-diameter and --contact belong to --material.")
+      for more in (("--cutter-diameter", "10"), ("--contact", "3"))),
+    (("init", "new", *TOOL, "--material", "cheese"), "'cheese' is none of "),
+    (("init", "new", *TOOL, "--weights", "heavy"), "takes masses in kg such as 20,40"),
     (("init", "new", "--tool-tcp", "120,0"), "is not 3 numbers with commas between them, such as 120,0,250"),
     (("init", "new", "--tool-tcp", "120,0,high"), "is not 3 numbers with commas between them, such as 120,0,250")])
 def test_words_that_do_not_go_together_are_a_wrong_call(
