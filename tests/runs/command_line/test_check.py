@@ -232,13 +232,15 @@ def test_every_turn_is_said_in_degrees(tmp_path: Path, quaternion: str, said: st
     assert run.code == 0
 
 
-@pytest.mark.parametrize("form", ["apt", "mod"])
-def test_the_order_that_reaches_the_program_is_named(tmp_path: Path, form: str) -> None:
+@pytest.mark.parametrize(("form", "tilted"), [
+    ("apt", ""), ("mod", ""), ("apt", "quaternion: [0.965925826, 0, 0.258819045, 0], ")])
+def test_the_order_that_reaches_the_program_is_named(tmp_path: Path, form: str, tilted: str) -> None:
     """A robot that faces the world's y axis: with w last it lies on its back, and reaches nothing of the part. One that stands
-    elsewhere reaches it in neither."""
+    elsewhere reaches it in neither. tilted: the turn of a tool with which, in the other order, nothing can be posted."""
     right = "base_frame: {quaternion: [0.70710678, 0, 0, 0.70710678]}"
     last = "base_frame: {quaternion: [0, 0, 0.70710678, 0.70710678]}"
     placed = PLACED.replace("[1400, 500, 800]", "[100, 1300, 700]") % [1, 0, 0, 0]
+    placed = placed.replace("mass_kg", f"{tilted}mass_kg")
     (tmp_path / "cell.yaml").write_text(f"{placed}{right}\n")
     (tmp_path / "part.apt").write_text(APT)
     if form == "mod":
