@@ -77,6 +77,23 @@ def test_a_defect_leaves_a_log_and_no_traceback() -> None:
     Path(log[1]).unlink()
 
 
+@pytest.mark.parametrize("written", [True, False])
+def test_a_result_that_json_cannot_say_is_a_defect_and_one_document(tmp_path: Path, written: bool) -> None:
+    """It says whether files are there: they are whole or not there at all."""
+    def body(session: Session) -> Outcome:
+        if written:
+            write_whole({tmp_path / "a.csv": b"new"}, overwrite=True)
+        return Outcome({"rms_um": float("nan")}, lines=["rms nan"])
+
+    code, stdout, stderr = run(body, "--json")
+    document = json.loads(stdout)
+    (found,) = document["findings"]
+    assert (code, document["exit_code"], document["status"], found["code"], stderr) == (70, 70, "defect", "CS0070", "")
+    assert found["hint"].startswith("what was written before it is whole; " if written else "nothing was written; ")
+    Path(found["hint"].rpartition(" ")[2]).unlink()
+    assert run(body) == (0, "rms nan\n", "")
+
+
 @pytest.mark.parametrize(("words", "said"), [([], "a word\n"), (["--quiet"], ""), (["--json"], "")])
 def test_what_is_said_on_the_way_is_for_people(words: list[str], said: str) -> None:
     def body(session: Session) -> Outcome:
