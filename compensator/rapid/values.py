@@ -47,7 +47,7 @@ class Values:
     names: Names
     changing: frozenset[int]
     _parsed: dict[int, Expr] = field(default_factory=dict)
-    _under_way: set[str] = field(default_factory=set)
+    _under_way: set[tuple[str, Scope]] = field(default_factory=set)
 
     def follow(self, expr: Expr, scope: Scope, *types: str) -> Site | Unsettled:
         """From a name or array element to what it is declared as, through aliases; anything else as it stands.
@@ -159,7 +159,7 @@ class Values:
                 return Unsettled("CS2017", f"{what}: {site.why}")
             if self.names.declarations[site.declaration].storage != "const":
                 return Unsettled("CS2017", f"{what}: {expr.name} is not a constant")
-            expr = site.expr
+            expr, scope = site.expr, site.scope         # its names are those of where it is declared
         if expr.kind in ("string", "aggregate", "star"):
             raise self.source.fail("CS2005", f"found {self.spelled(expr)}, expected a number: {what}", expr.start)
         if expr.kind == "other":
@@ -173,11 +173,12 @@ class Values:
 
     def _constant(self, token: Token, scope: Scope) -> float | None:
         """The value of a CONST num by its name; None where it is none, or is declared by itself."""
-        if token.word in self._under_way:
+        asked = token.word, scope
+        if asked in self._under_way:
             return None
-        self._under_way.add(token.word)
+        self._under_way.add(asked)
         value = self.number(Expr("name", token.start, token.end, token.word), scope, token.word)
-        self._under_way.remove(token.word)
+        self._under_way.remove(asked)
         return None if isinstance(value, Unsettled) else value
 
     def flag(self, expr: Expr, scope: Scope, what: str) -> bool | Unsettled:
