@@ -129,6 +129,29 @@ def test_a_speed_and_a_zone_that_the_text_does_not_give_are_told_as_written() ->
         ("note", "the zone nWide is not known from this file", 7, 3, 1)]
 
 
+@pytest.mark.parametrize(("statement", "said"), [
+    ("VelSet 100,5000;", ""), ("VelSet 100,100;", ""), ("velset 100, nMost;", ""), ("VelSet Override:=100,Max:=300;", ""),
+    ("VelSet 99.9,5000;", "VelSet 99.9,5000"), ("VelSet 100,99.9;", "VelSet 100,99.9"),
+    ("VelSet nHalf,5000;", "VelSet nHalf,5000"),
+    ("VelSet nOpen , nMost;", "VelSet nOpen,nMost"), ("VelSet 100,nOpen;", "VelSet 100,nOpen"),
+    ("VelSet Override:=50,Max:=300;", "VelSet 50,300"), ("IF bSlow VelSet 150,5000;", "VelSet 150,5000")])
+def test_a_speed_that_is_changed_for_all_moves_is_told(statement: str, said: str) -> None:
+    """The fastest move has 100 mm/s; a speed that is not known bounds nothing."""
+    data = "CONST num nMost:=300;\nCONST num nHalf:=50;\nVAR num nOpen:=100;"
+    body = f"{NAMED.format(target())}{statement}\n{NAMED.format(target(1)).replace('v100', 'vMine')}VelSet 100,5000;"
+    toolpath = read(body, data)
+    assert told(toolpath, "CS2061") == ([(
+        "warning", f"{said} changes the speed of moves, which is taken as they state it", 7, None, 1)] if said else [])
+    if said:
+        again = read(body + f"\n{statement}", data)
+        assert [one.count for one in again.findings if one.code == "CS2061"] == [2]
+
+
+def test_a_routine_of_the_program_may_be_called_as_the_instruction_is() -> None:
+    text = program(f"{NAMED.format(target())}VelSet 50,300;") + "PROC VelSet(num a,num b)\nENDPROC\n"
+    assert told(read_rapid(text.encode()).toolpath, "CS2061") == []
+
+
 def test_quaternions_that_are_off_are_told_by_the_largest() -> None:
     turns = ["[1,0,0,0]", "[1.02,0,0,0]", "[1.1,0,0,0]", "[1.001,0,0,0]", "[0.5,0,0,0]", "[1.2,0,0,0]"]
     toolpath = read("".join(NAMED.format(target(q=turn)) for turn in turns))
