@@ -478,6 +478,11 @@ TOOL = ("--robot", ROBOT, "--tool-tcp", "120,0,250")
     (("correct", "cell.yaml", "part.mod", *S, *F, "--first-forces", "f.csv", "-o", "x.mod"), "--first-forces needs"),
     (("correct", "cell.yaml", "part.mod", *S, *F, "--predict-force", "s.json", "-o", "x.mod"), "--predict-force and --stock"),
     (("correct", "cell.yaml", "part.mod", *S, *F, "--stock", "stock.yaml", "-o", "x.mod"), "--predict-force and --stock"),
+    *((("push", "cell.yaml", "off.csv", *more), "--tls-ca, --tls-cert and --tls-key belong together") for more in (
+        ("--tls-ca", "s.json"), ("--tls-ca", "s.json", "--tls-key", "s.json"), ("--tls-cert", "s.json", "--tls-key", "s.json"),
+        ("--tls-ca", "s.json", "--tls-cert", "s.json"))),
+    *((("identify", "cell.yaml", "motion.csv", *more, "-o", "k.json"), "are for measured TCP deflections, not for logs")
+      for more in (("--prior", "gaussian"), ("--gamma", "2"), ("--profile",))),
     (("init", "new", "--robot", ROBOT), "Missing option '--tool-tcp': there is no terminal to ask on."),
     (("init", "new"), "Missing option '--robot' and '--tool-tcp'"),
     (("init", "new", *TOOL, "--force-frame", "sensor"), "--force-frame sensor needs --sensor-position."),
