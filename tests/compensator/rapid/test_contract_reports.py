@@ -198,12 +198,12 @@ def test_frames_are_told_with_their_moves() -> None:
 
 
 def test_each_kind_of_target_that_is_not_known_is_told_once_in_the_order_of_the_text() -> None:
-    body = "".join(NAMED.format(name) for name in ("pts{i}", "*", target(), "pts{j}", "pts{3}", "*"))
-    found = read(body, f"CONST robtarget pts{{2}}:=[{target(1)},{target(2)}];").findings
+    body = "".join(NAMED.format(name) for name in ("pts{i}", "*", target(), "pts{j}", "pts{3}", "*", "pOpen"))
+    found = read(body, f"CONST robtarget pts{{2}}:=[{target(1)},{target(2)}];\nVAR robtarget pOpen;").findings
     assert [(one.code, one.line, one.target, one.count) for one in found] == [
-        ("CS2056", 4, 0, 2), ("CS2010", 5, 1, 2), ("CS2010", 8, 4, 1)]
+        ("CS2056", 5, 0, 2), ("CS2010", 6, 1, 2), ("CS2010", 9, 4, 1), ("CS2010", 11, 6, 1)]
     assert [one.hint.split(",")[0] for one in found] == [
-        "write a move for each position", *2 * ["write it as a robtarget with numbers"]]
+        "write a move for each position", *3 * ["write it as a robtarget with numbers"]]
 
 
 FRAMES = ("PERS tooldata tMill:=[TRUE,[[0,0,1],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
@@ -215,15 +215,16 @@ def test_frames_that_are_handed_over_are_told_by_their_names_as_written() -> Non
     moves = f"MoveL {target()},v100,z1,tMill\\WObj:=wPart;\nrMeasure wPart;\n%name% tMill;\nrMEASURE wPart;"
     assert told(read(moves, FRAMES), "CS2058") == [
         ("note", "tool tMill is handed to a routine whose name is made at run time: taken as it is declared here", 2, None, 1),
-        ("note", "work object wPart is handed to rMeasure, which is not in this file: taken as it is declared here", 3, None, 1)]
+        ("note", "work object wPart is handed to rMeasure, which is not in this file: taken as it is declared here", 3, None,
+         1)]
     routine = f"\nPROC rCut(PERS tooldata tx,PERS wobjdata wx)\nMoveL {target()},v100,z1,tx\\WObj:=wx;\nENDPROC"
     assert told(read("rCut tMill,wPart;", FRAMES + routine), "CS2057") == [
         ("note", "tool or work object tx, wx, a parameter: taken as what every call in this file hands over", 4, None, 2)]
 
 
-@pytest.mark.parametrize(("text", "line"), [("&&& no RAPID", 1), ("\n  &&& no RAPID", 2), ("MODULE M\nENDMODULE\n&&&", 3), ("", 0),
-                                            ("MODULE M\nENDMODULE\n! &&&\n", 0)])
+@pytest.mark.parametrize(("text", "line"), [
+    ("&&& no RAPID", 1), ("\n  &&& no RAPID", 2), ("MODULE M\nENDMODULE\n&&&", 3), ("", 0), ("MODULE M\nENDMODULE\n! &&&\n", 0)])
 def test_text_that_is_no_statement_is_told_where_it_begins(text: str, line: int) -> None:
     found = told(read_rapid(text.encode()).toolpath, "CS2030")
-    assert found == ([("warning", "the text from here to the end of the file is no RAPID statement and was skipped", line, None, 1)]
-                     if line else [])
+    said = "the text from here to the end of the file is no RAPID statement and was skipped"
+    assert found == ([("warning", said, line, None, 1)] if line else [])
