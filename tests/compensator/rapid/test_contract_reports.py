@@ -223,7 +223,7 @@ def test_frames_that_are_handed_over_are_told_by_their_names_as_written() -> Non
 
 
 @pytest.mark.parametrize(("text", "line"), [
-    ("&&& no RAPID", 1), ("\n  &&& no RAPID", 2), ("MODULE M\nENDMODULE\n&&&", 3), ("", 0), ("MODULE M\nENDMODULE\n! &&&\n", 0)])
+    ("&&& no RAPID", 1), ("\n  &&& no RAPID", 2), ("MODULE M\nENDMODULE\n&&&", 3), ("", 0), ("MODULE M\nENDMODULE\n! &\n", 0)])
 def test_text_that_is_no_statement_is_told_where_it_begins(text: str, line: int) -> None:
     found = told(read_rapid(text.encode()).toolpath, "CS2030")
     said = "the text from here to the end of the file is no RAPID statement and was skipped"
