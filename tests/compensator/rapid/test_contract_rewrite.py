@@ -214,6 +214,23 @@ def test_symbols_stay_unless_they_must_change():
     assert [finding.code for finding in written.findings] == ["CS2042", "CS2043"]
 
 
+@pytest.mark.parametrize(("conf", "quadrants", "written", "numbers"), [
+    ("[ 0,-1 ,2,+3]", [0, -1, 2, 3], "[ 0,-1 ,2,+3]", 1), ("[ 0,-1 ,2,+3]", [1, -2, 2, 3], "[ 1,-2 ,2,+3]", 3),
+    ("[0,nOne,2,3]", [0, 1, 2, 3], "[0,nOne,2,3]", 1), ("[0,nOne,2,3]", [0, -1, 2, 4], "[0,-1,2,4]", 3),
+    ("conf1", [0, 1, 2, 3], "conf1", 1), ("conf1", [0, 1, 2, 0], "[0,1,2,0]", 5)])
+def test_confdata_beside_symbols_change_where_they_differ(conf, quadrants, written, numbers):
+    """So does the orientation, number by number; how many numbers are others is counted."""
+    text = program(f"MoveL [[1,2,nHigh],turn,{conf},{UNUSED}],{MOVE}",
+                   "CONST num nHigh:=5;CONST num nOne:=1;CONST orient turn:=[0,1,0,0];CONST confdata conf1:=[0,1,2,3];")
+    got = shift(text, [0], [[0.5, 0, 0]], confdata=[quadrants])
+    assert changed(text, got.content) == [f"MoveL [[1.5000,2,nHigh],turn,{written},{UNUSED}],{MOVE}"]
+    assert got.numbers == numbers
+    turned = shift(text, [0], [[0, 0, 0.25]], confdata=[quadrants], quaternion=np.array([[0, 0.6, 0.8, 0]]))
+    assert changed(text, turned.content) == [
+        f"MoveL [[1,2,5.2500],[0.00000000,0.60000000,0.80000000,0.00000000],{written},{UNUSED}],{MOVE}"]
+    assert turned.numbers == numbers + 4
+
+
 def test_comments_inside_a_corrected_target_stay():
     text = f"MoveL [[1, ! x 7\n2,3],[1,0,0,0],[0,0,0,0],{UNUSED}],{MOVE}"
     assert shift(text, [0], [TENTH]).content.decode() == text.replace("[1, !", "[1.1000, !").replace("2,3]", "2.2000,3.3000]")
