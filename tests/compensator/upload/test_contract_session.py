@@ -10,7 +10,7 @@ import pytest
 
 from compensator.upload import session as module
 from compensator.upload.address import Controller
-from compensator.upload.answers import Answered, Lost
+from compensator.upload.answers import Answered, Lost, json_states, refusal, xhtml_states
 from compensator.upload.dialects import RWS_2
 from compensator.upload.session import MOST_ANSWER, MOST_BYTES, Session
 
@@ -155,3 +155,35 @@ def test_nothing_but_an_answer_below_300_is_one(monkeypatch: pytest.MonkeyPatch,
     with pytest.raises(Answered):
         Asked(monkeypatch, busy(9, status)).download("/a")
     assert Asked(monkeypatch, lambda count: given(299, b"x")).download("/a") == b"x"
+
+
+SAID = "rws_resource_rapid.cpp[593] Module is in use code:-1073442809 icode:-1"
+
+
+@pytest.mark.parametrize("body", [
+    f'{{"_embedded": {{"status": {{"code": -1073442809, "msg": "{SAID}"}}}}}}',
+    f'{{"status": {{"code": "-1073442809", "msg": "{SAID}"}}}}',
+    f'<html><div class="status"><span class="code">-1073442809</span><span class="msg">{SAID}</span></div></html>'])
+def test_a_refusal_is_told_in_the_controller_s_words(body: str) -> None:
+    """In either form, without the source file of its maker."""
+    answer = refusal(403, body.encode())
+    assert (str(answer), answer.status, answer.code) == ("HTTP 403: Module is in use (-1073442809)", 403, -1073442809)
+    assert str(refusal(500, body.replace(SAID, 300 * "x").encode())) == f"HTTP 500: {200 * 'x'} (-1073442809)"
+    assert str(refusal(404, b"<p>none</p>")) == str(refusal(404, b'{"a": 1}')) == "HTTP 404"
+
+
+def test_states_are_their_words_and_numbers() -> None:
+    """What has parts of its own is none of them."""
+    states = ('[{"_type": "a", "_title": "b", "size": 17, "share": 0.5, "none": null, "parts": {"x": 1}, "list": [1]}, '
+              '{"name": " T_ROB1 "}]')
+    assert json_states(f'{{"_embedded": {{"_state": {states}}}}}'.encode()) == [
+        {"_type": "a", "_title": "b", "size": "17", "share": "0.5"}, {"name": "T_ROB1"}]
+    page = ('<html><body><ul><li class="a" title="b"><span class="size">17</span><span>no name</span></li>'
+            '<li class="c"><span class="name">T_<b>ROB1</b></span></li></ul><span class="out">x</span></body></html>')
+    assert xhtml_states(page.encode()) == [{"_type": "a", "_title": "b", "size": "17"}, {"_type": "c", "_title": "",
+                                                                                       "name": "T_ROB1"}]
+    for half in ("", "{}", '{"_embedded": {}}', '{"_embedded": {"_state": [1]}}'):
+        with pytest.raises(Lost):
+            json_states(half.encode())
+    with pytest.raises(Lost):
+        xhtml_states(page.removesuffix("</html>").encode())
