@@ -55,6 +55,7 @@ def test_confdata_changes_only_where_it_differs():
     text = f"MoveL {target(1, conf='[ 0,-1, 2,4]')},{MOVE}MoveL {target(2)},{MOVE}"
     written = shift(text, [0, 1], [TENTH] * 2, confdata=[[0, -2, 2, 4], [0, 0, 0, 0]])
     assert b"[ 0,-2, 2,4]" in written.content
+    assert written.numbers == 3 + 1 + 3
     finding, = written.findings
     assert (finding.code, finding.level, finding.target, finding.count) == ("CS2042", "warning", 0, 1)
 
