@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -331,8 +332,8 @@ def _with_pairs(checks: list[FileCheck], cell: Cell | None, settings: Settings) 
         return "", placed[1].findings
 
     for one in checks:
-        program = programs.get(one.file.name.lower().partition(".forces.")[0]) or programs.get(
-            one.file.name.partition(".forces.")[0])
+        stem = re.split(r"(?i)\.forces\.", one.file.name)[0]
+        program = programs.get(stem) or programs.get(stem.lower())
         if one.kind == "force log" and one.verdict != "error" and program is not None:
             paired = _attempt(one.file, one.kind, partial(held, one.file, program.file))
             more = tuple(finding for finding in paired.findings if finding.level != "note" and finding not in one.findings)

@@ -88,7 +88,12 @@ def _headers(file: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def _of_table(file: Path, form: ForceLogFile) -> Kind:
     if form.columns is not None and LOG_NAME in file.name.lower():
         return "force log"      # its columns stand in cell.yaml, whatever its first line says
-    first, above = _headers(file)
+    try:
+        first, above = _headers(file)
+    except CompstiffError as stopped:
+        if form.columns is not None and stopped.findings[0].code == "CS3020":
+            return "force log"      # no header, and no other table may have none: its reader says whether its columns are those
+        raise
     header = set(first)
     # By another header, such as Fx [N]: its reader says what the columns should be called.
     names = header | {column for column, _ in map(meant, (*first, *above)) if column}

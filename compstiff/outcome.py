@@ -87,7 +87,7 @@ def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str
     except click.ClickException:
         raise
     except Exception as defect:
-        return Outcome(findings=(_defect(session, defect),)), "defect", DEFECT
+        return Outcome(findings=(_defect(session, defect, len(files.written) > before),)), "defect", DEFECT
     if outcome.exit_code == REFUSED and len(files.written) == before:
         old = list(dict.fromkeys(files.earlier[known:]))
         outcome = replace(outcome, findings=(*outcome.findings, *_of_earlier_calls(old)))
@@ -104,8 +104,8 @@ def _of_earlier_calls(outputs: list[Path]) -> list[Finding]:
                     "written now", hint="go by the exit code, or delete them first")] if there else []
 
 
-def _defect(session: Session, defect: Exception) -> Finding:
-    """An unexpected exception as a finding, its traceback kept in a log file."""
+def _defect(session: Session, defect: Exception, written: bool) -> Finding:
+    """An unexpected exception as a finding, its traceback kept in a log file. written: whether files were before it."""
     import tempfile
     import traceback
 
@@ -117,7 +117,8 @@ def _defect(session: Session, defect: Exception) -> Finding:
         with os.fdopen(handle, "w", encoding="utf-8", errors="backslashreplace") as stream:
             stream.write(f"compstiff {session.command}, arguments {sys.argv[1:]}\n\n{traceback.format_exc()}")
     return Finding("CS0070", "error", f"a defect in compstiff: {type(defect).__name__}: {defect}",
-                   hint=f"nothing was written; please report it with the log file {log}")
+                   hint=f"{'what was written before it is whole' if written else 'nothing was written'}; please report it with "
+                   f"the log file {log}")
 
 
 def document(session: Session, outcome: Outcome, status: str, code: int) -> dict[str, Any]:

@@ -47,7 +47,7 @@ def program_check(file: Path, cell: Cell, settings: Settings) -> tuple[str, tupl
     # What is asked about cell.yaml itself is said of it.
     own = (finding for finding in program.toolpath.findings if finding.code != "CS0117")
     # Where joint angles say where the robot goes no tool does.
-    posed = path.known & np.isnan(program.toolpath.joints).any(axis=1)
+    posed = path.known & np.isnan(program.toolpath.joints[:, 0])
     findings = (*own, *path.findings, *other_tools(path, posed, "of the program"))
     beyond = np.flatnonzero(path.known & ~path.reached)
     if len(beyond):

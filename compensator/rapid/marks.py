@@ -132,7 +132,7 @@ def _chosen(program: RapidProgram) -> list[int]:
     """The targets to mark."""
     toolpath = program.toolpath
     possible = []
-    posed = ~np.isnan(toolpath.position).any(axis=1)
+    posed = ~np.isnan(toolpath.position[:, 0])
     for i in np.flatnonzero(np.isin(toolpath.move, (Move.LINEAR, Move.ARC_END)) & posed).tolist():
         text = move_text(program, i - int(toolpath.move[i] == Move.ARC_END))
         if text is not None and text.bare and text.tail_end == text.end - 1:
@@ -141,7 +141,7 @@ def _chosen(program: RapidProgram) -> list[int]:
         return []
     steps = np.linalg.norm(np.diff(toolpath.position, axis=0, prepend=toolpath.position[:1]), axis=1)
     along = np.cumsum(np.nan_to_num(steps))
-    apart = np.maximum(APART, LASTING * np.nan_to_num(toolpath.feed, posinf=0.0))
+    apart = np.maximum(APART, LASTING * np.nan_to_num(toolpath.feed))
     chosen = possible[:1]
     for i in possible[1:]:
         if along[i] - along[chosen[-1]] >= apart[i] - 1e-9:

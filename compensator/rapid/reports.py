@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.rapid.blocks import arguments
 from compensator.rapid.handed import Elsewhere, handed_out
 from compensator.rapid.quaternions import SLIGHT, UNUSABLE
 from compensator.rapid.rows import Rows
@@ -64,6 +65,7 @@ def report(
     findings += _handed(scan, tails, places)
     findings += _forgotten_object(scan, tails, places)
     findings += _unknown(scan, tails, places)
+    findings += _overridden(scan, values, tails, places)
     findings += _others(scan, places, elsewhere)
     return block, tuple(findings)
 
@@ -295,6 +297,22 @@ def _unknown(scan: Scan, tails: Tails, places: Places) -> list[Finding]:
             for text, alike in spelled.items()
         ]
     return findings
+
+
+def _overridden(scan: Scan, values: Values, tails: Tails, places: Places) -> list[Finding]:
+    """VelSet, where it makes the robot drive at other speeds than the moves state."""
+    fastest = 1e3 * float(np.nanmax(tails.feed, initial=0.0))
+    found = []
+    for step, scope in scan.overridden if "velset" not in scan.routines else ():
+        parts = [values.parse(part[0].start, part[-1].end) for part in arguments(places.source, step) if part]
+        match [values.number(part, scope, "VelSet") for part in parts]:
+            case [float(share), float(most)] if share == 100 and most >= fastest:
+                continue
+        found.append((step.start, ",".join(values.spelled(part) for part in parts)))
+    return [places.offset(
+        "CS2061", "warning", f"VelSet {found[0][1]} changes the speed of moves, which is taken as they state it",
+        [offset for offset, _ in found], "write the speeds that are driven into the moves: a log by time is placed by them, "
+        "and the feed a tooth follows from them")] if found else []
 
 
 def _others(scan: Scan, places: Places, elsewhere: Mapping[int, Elsewhere]) -> list[Finding]:

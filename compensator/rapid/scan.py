@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from compensator.rapid.blocks import Routine
+from compensator.rapid.blocks import Routine, Step
 from compensator.rapid.expressions import Expr
 from compensator.rapid.inline_moves import InlineMoves
 from compensator.rapid.moves import Tail
@@ -77,6 +77,7 @@ class Scan:
     offsets: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     units: list[tuple[int, str, bool, int]] = field(default_factory=list)
     others: list[tuple[str, int]] = field(default_factory=list)     # further motion instructions: name, offset
+    overridden: list[tuple[Step, Scope]] = field(default_factory=list)      # each VelSet
     modules: list[int] = field(default_factory=list)                # where each MODULE begins
     unmonitored: bool = False                                       # ConfL\\Off stands somewhere
     stray: int = -1                                                 # offset of text that is no statement

@@ -165,6 +165,9 @@ class Statements:
             self.scan.offsets.append((len(self.scan.move), AXIS_OFFSET[name]))
         elif name in UNIT_SWITCH:
             self.scan.units.append((len(self.scan.move), words[1].word, UNIT_SWITCH[name], words[0].start))
+        elif name == "velset":
+            step = Step(len(self.scan.move), "call", name, words[0].start, words[-1].end)
+            self.scan.overridden.append((step, self.scan.scope))
         elif name == "confl":
             self.scan.unmonitored |= any(word.word == "off" for word in words)
         elif MOTION.fullmatch(name):

@@ -47,7 +47,7 @@ class Values:
     names: Names
     changing: frozenset[int]
     _parsed: dict[int, Expr] = field(default_factory=dict)
-    _under_way: set[str] = field(default_factory=set)
+    _under_way: set[tuple[str, Scope]] = field(default_factory=set)
 
     def follow(self, expr: Expr, scope: Scope, *types: str) -> Site | Unsettled:
         """From a name or array element to what it is declared as, through aliases; anything else as it stands.
@@ -65,7 +65,7 @@ class Values:
         return Unsettled("CS2010", f"{self.spelled(expr)} is declared by itself")
 
     def declared(self, expr: Expr, scope: Scope, *types: str) -> Site | Unsettled:
-        """The declared value that a name or element with literal indices stands for, aliases not followed."""
+        """The declared value that a name or element stands for, aliases not followed."""
         name = self.source.text(expr.start, expr.start + len(expr.name.encode(self.source.encoding)))
         number = self.names.find(expr.name, scope)
         if number < 0:
@@ -87,9 +87,12 @@ class Values:
         indices: list[int] = []
         if expr.kind == "element":
             for index in expr.items:
-                if index.kind != "number" or not index.value.is_integer():
+                at = self._index(index, scope)
+                if at is None:
                     return Unsettled("CS2056", f"the index of {name} is known only at run time: one move for several positions")
-                indices.append(int(index.value))
+                if not at.is_integer():
+                    return Unsettled("CS2010", f"{name} has no element {{{at:g}}}: an index is a whole number")
+                indices.append(int(at))
         if len(indices) != declaration.dimensions:
             return Unsettled("CS2010", f"{name} has {declaration.dimensions} dimensions, {len(indices)} indices stand here")
         for at in indices:
@@ -97,6 +100,11 @@ class Values:
                 return Unsettled("CS2010", f"{name} has no element {{{at}}} in its declaration")
             value = value.items[at - 1]
         return Site(value, declaration.scope, number, tuple(indices))
+
+    def _index(self, expr: Expr, scope: Scope) -> float | None:
+        """The index of an element: a number, or arithmetic of CONST num; None where the text does not settle it."""
+        return expr.value if expr.kind == "number" else arithmetic(
+            tokens(self.source, expr.start, expr.end), lambda token: self._constant(token, scope))
 
     def initial(self, number: int) -> Expr:
         """The parsed initial value of a declaration that has one."""
@@ -151,7 +159,7 @@ class Values:
                 return Unsettled("CS2017", f"{what}: {site.why}")
             if self.names.declarations[site.declaration].storage != "const":
                 return Unsettled("CS2017", f"{what}: {expr.name} is not a constant")
-            expr = site.expr
+            expr, scope = site.expr, site.scope         # its names are those of where it is declared
         if expr.kind in ("string", "aggregate", "star"):
             raise self.source.fail("CS2005", f"found {self.spelled(expr)}, expected a number: {what}", expr.start)
         if expr.kind == "other":
@@ -165,11 +173,12 @@ class Values:
 
     def _constant(self, token: Token, scope: Scope) -> float | None:
         """The value of a CONST num by its name; None where it is none, or is declared by itself."""
-        if token.word in self._under_way:
+        asked = token.word, scope
+        if asked in self._under_way:
             return None
-        self._under_way.add(token.word)
+        self._under_way.add(asked)
         value = self.number(Expr("name", token.start, token.end, token.word), scope, token.word)
-        self._under_way.remove(token.word)
+        self._under_way.remove(asked)
         return None if isinstance(value, Unsettled) else value
 
     def flag(self, expr: Expr, scope: Scope, what: str) -> bool | Unsettled:

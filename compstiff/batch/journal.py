@@ -57,7 +57,9 @@ class Journal:
                 continue
             try:
                 entry = json.loads(line)
-                if entry["event"] == "begun":
+                if entry["event"] == "told":
+                    broken = 0
+                elif entry["event"] == "begun":
                     self.outputs |= set(entry["outputs"])
                     # Its files may be those of this job, done or not, and no more those of the one before.
                     self.last.get(entry["program"], {}).pop("key", None)
@@ -70,6 +72,11 @@ class Journal:
         if broken:
             self.findings = (Finding("CS6007", "warning", f"{counted(broken, 'line')} cannot be read; what stood there is done "
                                      "again", file=str(self.path), hint="a crash leaves one torn line; more: check the disk"),)
+
+    def told(self) -> None:
+        """Says that somebody was told of the lines that cannot be read: they stay, and are no news at the next start."""
+        if self.findings:
+            self._append({"event": "told"})
 
     def sweep(self) -> None:
         """Deletes the temporary files that a killed process left beside the outputs."""

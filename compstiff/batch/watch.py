@@ -63,6 +63,7 @@ def watch_folder(
             say(f"watching {source}; Ctrl-C ends it")
         for finding in journal.findings:
             say(str(finding))
+        journal.told()
         watch = Watch(source, folders, shared, journal, Settled(rhythm.settle))
         yield from watch.once(stopped) if rhythm.once else watch.always(rhythm.interval, stopped, say)
 

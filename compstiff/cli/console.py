@@ -150,7 +150,10 @@ def command(name: str, *, writes: bool = False, examples: tuple[str, ...] = ()) 
 
             def checked() -> Outcome:
                 session.read = AsRead.of(check_paths(context))
-                return body(session, **arguments)
+                outcome = body(session, **arguments)
+                if as_json:             # what JSON cannot say is a defect, and told as one
+                    json.dumps(outcome.result, allow_nan=False)
+                return outcome
 
             sys.exit(_show(session, *attempt(session, checked)))
 

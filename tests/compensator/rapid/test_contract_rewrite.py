@@ -55,6 +55,7 @@ def test_confdata_changes_only_where_it_differs():
     text = f"MoveL {target(1, conf='[ 0,-1, 2,4]')},{MOVE}MoveL {target(2)},{MOVE}"
     written = shift(text, [0, 1], [TENTH] * 2, confdata=[[0, -2, 2, 4], [0, 0, 0, 0]])
     assert b"[ 0,-2, 2,4]" in written.content
+    assert written.numbers == 3 + 1 + 3
     finding, = written.findings
     assert (finding.code, finding.level, finding.target, finding.count) == ("CS2042", "warning", 0, 1)
 
@@ -168,6 +169,14 @@ def test_array_elements():
         f"LOCAL CONST robtarget pts_c1:={target('4.0000')};", f"MoveL pts_c1,{MOVE}"]
 
 
+def test_elements_by_a_constant_get_declarations_of_their_own():
+    text = program(f"MoveL pts{{n}},{MOVE}\nMoveL pts{{2}},{MOVE}\nMoveL pts{{N}},{MOVE}",
+                   f"CONST num n:=2;CONST robtarget pts{{2}}:=[{target(1)},{target(2)}];")
+    written = shift(text, [0, 1, 2], [TENTH, TENTH, [1, 0, 0]])
+    assert written.content.decode().count(f"pts{{2}}:=[{target(1)},{target(2)}];") == 1
+    assert millimetres(read_rapid(written.content).toolpath) == [[2.1, 0.2, 0.3]] * 2 + [[3, 0, 0]]
+
+
 def test_an_array_with_a_variable_index_somewhere_keeps_its_declaration():
     text = program(f"MoveL pts{{1}},{MOVE}\nMoveL pts{{i}},{MOVE}", f"CONST robtarget pts{{1}}:=[{target(1)}];")
     assert changed(text, shift(text, [0], [TENTH]).content)[1] == f"MoveL pts_c1,{MOVE}"
@@ -204,6 +213,23 @@ def test_symbols_stay_unless_they_must_change():
         f"MoveL [[1.5000,2.0000,3.0000],[1,0,0,0],conf1,{UNUSED}],{MOVE}",
         f"MoveL [[1.5000,2,high],[1,0,0,0],[0,0,1,0],{UNUSED}],{MOVE}"]
     assert [finding.code for finding in written.findings] == ["CS2042", "CS2043"]
+
+
+@pytest.mark.parametrize(("conf", "quadrants", "written", "numbers"), [
+    ("[ 0,-1 ,2,+3]", [0, -1, 2, 3], "[ 0,-1 ,2,+3]", 1), ("[ 0,-1 ,2,+3]", [1, -2, 2, 3], "[ 1,-2 ,2,+3]", 3),
+    ("[0,nOne,2,3]", [0, 1, 2, 3], "[0,nOne,2,3]", 1), ("[0,nOne,2,3]", [0, -1, 2, 4], "[0,-1,2,4]", 3),
+    ("conf1", [0, 1, 2, 3], "conf1", 1), ("conf1", [0, 1, 2, 0], "[0,1,2,0]", 5)])
+def test_confdata_beside_symbols_change_where_they_differ(conf, quadrants, written, numbers):
+    """So does the orientation, number by number; how many numbers are others is counted."""
+    text = program(f"MoveL [[1,2,nHigh],turn,{conf},{UNUSED}],{MOVE}",
+                   "CONST num nHigh:=5;CONST num nOne:=1;CONST orient turn:=[0,1,0,0];CONST confdata conf1:=[0,1,2,3];")
+    got = shift(text, [0], [[0.5, 0, 0]], confdata=[quadrants])
+    assert changed(text, got.content) == [f"MoveL [[1.5000,2,nHigh],turn,{written},{UNUSED}],{MOVE}"]
+    assert got.numbers == numbers
+    turned = shift(text, [0], [[0, 0, 0.25]], confdata=[quadrants], quaternion=np.array([[0, 0.6, 0.8, 0]]))
+    assert changed(text, turned.content) == [
+        f"MoveL [[1,2,5.2500],[0.00000000,0.60000000,0.80000000,0.00000000],{written},{UNUSED}],{MOVE}"]
+    assert turned.numbers == numbers + 4
 
 
 def test_comments_inside_a_corrected_target_stay():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.compensator.rapid.small_programs import UNUSED, found, millimetres, path, target
 
@@ -77,12 +78,31 @@ def test_arrays_of_one_to_three_dimensions():
     assert millimetres(path(body, declarations)) == [[2, 0, 0], [4, 0, 0], [5, 0, 0], [8, 0, 0]]
 
 
-@pytest.mark.parametrize(("used", "why"), [("pts{i}", "index"), ("pts{3}", "no element"), ("pts", "dimensions"),
-                                           ("pts{1,1}", "dimensions")])
-def test_array_elements_that_are_not_known(used, why):
-    toolpath = path(f"MoveL {used},{MOVE}", f"CONST robtarget pts{{2}}:=[{target(1)},{target(2)}];")
+ARRAY = (f"CONST robtarget pts{{2}}:=[{target(1)},{target(2)}];\nCONST num n:=2;\nPERS num may:=1;\nCONST num c:=nums{{c}};\n"
+         "CONST num nums{2}:=[1,2];\nCONST robtarget other:=pts{N};\n")
+
+
+@pytest.mark.parametrize(("used", "code", "why"), [
+    ("pts{i}", "CS2056", "the index of pts is known only at run time: one move for several positions"),
+    ("pts{may}", "CS2056", "index"), ("pts{nums{1}}", "CS2056", "index"), ("pts{c}", "CS2056", "index"),
+    ("pts{3}", "CS2010", "pts has no element {3} in its declaration"),
+    ("pts{n+1}", "CS2010", "pts has no element {3} in its declaration"),
+    ("pts{n/4}", "CS2010", "pts has no element {0.5}: an index is a whole number"),
+    ("pts", "CS2010", "pts has 1 dimensions, 0 indices stand here"),
+    ("pts{0}", "CS2010", "pts has no element {0}"), ("pts{1,1}", "CS2010", "pts has 1 dimensions, 2 indices stand here"),
+])
+def test_array_elements_that_are_not_known(used, code, why):
+    toolpath = path(f"MoveL {used},{MOVE}", ARRAY)
     assert why in toolpath.block[0]
+    assert [finding.code for finding in toolpath.findings] == [code]
     assert np.isnan(toolpath.position).all()
+
+
+@pytest.mark.parametrize(("used", "x"), [("pts{n}", 2), ("pts{n-1}", 1), ("Pts{(N)}", 2), ("other", 2), ("pts{n/2}", 1),
+                                         ("Offs(pts{n},1,0,0)", 3)])
+def test_a_constant_is_an_index_as_its_number_is(used, x):
+    toolpath = path(f"MoveL {used},{MOVE}", ARRAY)
+    assert (millimetres(toolpath), toolpath.findings) == ([[x, 0, 0]], ())
 
 
 def test_offs_moves_along_the_object_frame():
@@ -101,6 +121,32 @@ def test_reltool_moves_along_the_tool_and_turns_about_it():
     assert millimetres(toolpath) == [[11, 18, 27], [10, 20, 30]]
     # (0,1,0,0) times a quarter turn about z, (c,0,0,c): i (c + c k) = c i - c j
     assert toolpath.quaternion[1] == pytest.approx([0, np.sqrt(0.5), -np.sqrt(0.5), 0], abs=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_reltool_is_a_displacement_of_rotation_matrices(seed: int) -> None:
+    """Of any target by any displacement and turns; a work object carries its object frame likewise."""
+    rng = np.random.default_rng((2017, seed))
+    first, second = (Rotation.from_quat(rng.normal(size=4)) for _ in range(2))
+    place, shift, angles, origin = rng.uniform(-180, 180, (4, 3))
+
+    def spelled(turn: Rotation) -> str:
+        return "[" + ",".join(f"{part:.12f}" for part in turn.as_quat()[[3, 0, 1, 2]]) + "]"
+
+    options = "".join(f"\\R{axis}:={angle:.12f}" for axis, angle in zip("xyz", angles, strict=True))
+    data = (f"CONST robtarget p:={target(*(f'{x:.12f}' for x in place), spelled(first))};\nPERS wobjdata w:=[FALSE,TRUE,\"\",["
+            f"[{','.join(f'{x:.12f}' for x in origin)}],{spelled(second)}],[[{','.join(f'{x:.12f}' for x in place)}],"
+            f"{spelled(first)}]];")
+    found = path(f"MoveL RelTool(p,{','.join(f'{x:.12f}' for x in shift)}{options}),v100,z1,tool0\\WObj:=w;", data)
+    turn = first * Rotation.from_euler("XYZ", angles, degrees=True)
+    np.testing.assert_allclose(1e3 * found.position[0], place + first.apply(shift), atol=1e-9)
+    np.testing.assert_allclose(Rotation.from_quat(found.quaternion[0][[1, 2, 3, 0]]).as_matrix(), turn.as_matrix(), atol=1e-9)
+    frame, = found.workobjects
+    assert frame.position is not None
+    assert frame.quaternion is not None
+    np.testing.assert_allclose(1e3 * frame.position, origin + second.apply(place), atol=1e-9)
+    np.testing.assert_allclose(Rotation.from_quat(frame.quaternion[[1, 2, 3, 0]]).as_matrix(), (second * first).as_matrix(),
+                               atol=1e-9)
 
 
 def test_reltool_turns_about_x_then_the_new_y_then_the_new_z():

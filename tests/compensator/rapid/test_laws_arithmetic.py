@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from compensator.rapid import read_rapid, rewrite
+from tests.compensator.rapid.small_programs import millimetres, path, target
 
 REST = "[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
 DATA = (f"CONST robtarget pA:=[[100,200,300],{REST};\nCONST num nA:=12.5;\nCONST num nB:=nA*2-1;\nPERS num nPers:=3;\n"
@@ -62,3 +63,22 @@ def test_the_corrected_target_stands_in_place_of_the_expression() -> None:
     written = rewrite(program, np.array([0]), moved, program.toolpath.quaternion, program.toolpath.confdata).content.decode()
     assert "MoveL [[87.5000,225.0000,300.1000]," in written
     assert written.replace(written[written.index("[[87.5"):written.index(",v100")], "Offs(pA,-nA,2*nA,0)") == text
+
+
+@pytest.mark.parametrize(("text", "value"), [
+    ("nSum", 2), ("nSame", 1), ("nOwn", 100), ("nSum+nOwn", 102), ("nDeep", 5), ("nOver", 3), ("nOver+0", 3),
+    ("2*nOver-nDeep", 1)])
+def test_the_names_in_a_constant_are_those_of_where_it_is_declared(text: str, value: float) -> None:
+    """Though the routine that asks for it has constants of the same names: where the robot goes, and which element it is."""
+    data = (f"CONST num nOwn:=1;\nCONST num nSum:=nOwn+1;\nCONST num nSame:=nOwn;\nCONST num nDeep:=2*nSum+nSame;\n"
+            f"CONST robtarget p:={target()};\nCONST robtarget pts{{102}}:=[{','.join(target(k + 1) for k in range(102))}];")
+    body = (f"CONST num nOwn:=100;\nCONST num nOver:=nSum+1;\nMoveL Offs(p,0,0,{text}),v100,z1,tool0;\n"
+            f"MoveL pts{{{text}}},v100,z1,tool0;")
+    assert millimetres(path(body, data)) == [[0, 0, value], [value, 0, 0]]
+
+
+def test_a_constant_of_the_routine_may_have_the_name_of_one_that_it_needs() -> None:
+    data = f"CONST num nOwn:=1;\nCONST num nSum:=nOwn+1;\nCONST robtarget p:={target()};"
+    body = "CONST num nOwn:=nSum+1;\nMoveL Offs(p,0,0,nOwn+0),v100,z1,tool0;"
+    assert millimetres(path(body, data)) == [[0, 0, 3]]
+    assert path("MoveL Offs(p,0,0,nOwn+0),v100,z1,tool0;", data.replace(":=1", ":=nSum")).block[0]

@@ -164,6 +164,20 @@ def test_a_loop_whose_turns_cannot_be_counted_may_have_any_number(bounds: str) -
     assert {(0, 2), (0, 1, 2), (0, 1, 1, 2), (0, 1, 1, 1, 2)} <= {tuple(way.order.tolist()) for way in run.ways}
 
 
+@pytest.mark.parametrize("deep", [1, 2, 3])
+@pytest.mark.parametrize("down", [True, False])
+def test_calls_that_lead_to_moves_are_followed_like_moves(deep: int, down: bool) -> None:
+    """Routines of which the last alone moves, in either order in the text; one that leads to no move is no other way."""
+    chain = {f"r{k}": f"r{k + 1};" if k < deep else "m;" for k in range(1, deep + 1)}
+    idle = {"rIdle": "rNone;", "rNone": "WaitTime 1;"}
+    routines = {"main": "m; IF DInput(di)=1 r1; m;", **(chain if down else dict(reversed(chain.items()))), **idle}
+    assert {tuple(way.order.tolist()) for way in runs(**routines).ways} == {(0, 2, 1), (0, 1)}
+    routines["main"] = "m; WHILE DInput(di)=1 DO r1; ENDWHILE m;"
+    assert {(0, 1), (0, 2, 1), (0, 2, 2, 1)} <= {tuple(way.order.tolist()) for way in runs(**routines).ways}
+    routines["main"] = "m; IF DInput(di)=1 rIdle; m;"
+    assert {tuple(way.order.tolist()) for way in runs(**routines).ways} == {(0, 1)}
+
+
 def test_too_many_branches_are_no_ways() -> None:
     run = runs(main="IF DInput(di)=1 m; " * 12)
     assert (run.ways, run.open) == ((), True)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import pytest
 
-from compensator.upload.local_module import read_module
+from compensator.upload.local_module import check_name, read_module
+from identification.common.findings import CompstiffError
 from tests.compensator.upload import kit
 from tests.compensator.upload.emulator import Emulator, RobotController
 
@@ -69,7 +71,6 @@ ENDMODULE
 
 
 def test_parts_that_are_loaded_at_run_time_must_have_the_names_they_are_loaded_by(tmp_path: Path) -> None:
-    import hashlib
     import json
 
     main = kit.write_module(tmp_path, "big.mod", MAIN)
@@ -108,3 +109,58 @@ def test_what_a_module_loads_is_told_as_it_writes_it(tmp_path: Path, statement: 
         "CS6125", "warning", str(main), f"it loads {place} at run time: they must be there under these names")] * bool(place)
     folder = place.rpartition("/")[0]
     assert all(one.hint.endswith(f"loaded by, and controller.folder {folder}" if folder else "loaded by") for one in found)
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_three_of_what_a_module_loads_are_named(tmp_path: Path, count: int) -> None:
+    names = [f"HOME/part_{k}.mod" for k in range(count)]
+    loads = "".join(f'    Load \\Dynamic,"{name.replace("HOME", "HOME:")}";\n' for name in names)
+    main = kit.write_module(tmp_path, "big.mod", MAIN.replace(b'    Load \\Dynamic,"HOME:/big_001.mod";\n', loads.encode(), 1))
+    found, = read_module(main, kit.ROBOT).loads("HOME", "big.mod")
+    assert found.message == (f"it loads {', '.join(names[:3])}{' ...' if count > 3 else ''} at run time: they must be there "
+                             "under these names")
+
+
+@pytest.mark.parametrize(("name", "stem"), [
+    ("part.mod", "part"), ("-Fr\u00e4se part (1).MOD", "Fr_se_part__1_"), ("---.mod", "_"), ("a" * 40 + "b.sysx", "a" * 40),
+    ("--" + "a" * 40 + ".modx", "a" * 38)])
+def test_a_new_file_is_named_after_its_program_and_its_content(tmp_path: Path, name: str, stem: str) -> None:
+    """So that no other content ever has its name; of letters that every controller's file system has."""
+    file = kit.write_module(tmp_path, name)
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    module = read_module(file, kit.ROBOT)
+    assert module.new_name == f"{stem}-{digest[:10]}{file.suffix.lower()}"
+    assert check_name(module.new_name) == module.new_name
+    assert module.lines() == [f"module: Insert, {len(file.read_bytes())} bytes, SHA-256 {digest[:16]}...",
+                              "record: corrected from input.x, stiffness.x, forces.x, cell.x",
+                              "record: 9 targets corrected, largest offset 0.1234 mm"]
+
+
+@pytest.mark.parametrize(("name", "fits"), [
+    ("a" * 60 + ".mod", True), ("a" * 61 + ".mod", False), ("_-9.SYSX", True), ("-a.mod", False), ("a.mod.bak", False),
+    (".mod", False)])
+def test_a_name_on_the_controller_has_64_letters_at_most(name: str, fits: bool) -> None:
+    if fits:
+        assert check_name(name) == name
+    else:
+        with pytest.raises(CompstiffError, match=r"CS6100.*is no name for a module.s file"):
+            check_name(name)
+
+
+def test_a_dry_run_says_what_is_there_among_files_of_the_program(tmp_path: Path) -> None:
+    """Whole, beside another content of it, in one state or the other."""
+    file, controller = kit.write_module(tmp_path), RobotController()
+    path = kit.new_path(file)
+    controller.files |= {"HOME/Part_corrected-0123456789.mod": b"an earlier one", "HOME/other.mod": b"not ours"}
+    with Emulator(controller) as emulator:
+        cell = kit.cell_yaml(tmp_path, emulator.port)
+        before = kit.call(cell, file)
+        controller.files[path] = file.read_bytes()
+        after = kit.call(cell, file)
+        controller.files[path] += b" "
+        taken = kit.call(cell, file)
+    for done, there, same in ((before, 1, False), (after, 2, True)):
+        result = done.document["result"]
+        assert (len(result["there"]), result["already_there"], result["applied"], result["results"]) == (there, same, False, [])
+    assert (taken.code, taken.codes) == (3, ["CS6111"])
+    assert f"has another file {path} already, {len(file.read_bytes()) + 1} bytes; the new file is not there" in taken.message

@@ -2,12 +2,17 @@
 
 import json
 import shutil
+from collections import deque
+from concurrent.futures import BrokenExecutor, Future
 from pathlib import Path
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from compstiff import read_cell
-from compstiff.batch.pairing import Folders, no_log, paired, programs_in
+from compstiff.batch.pairing import Folders, logs_without_program, no_log, paired, programs_in, share_of
+from compstiff.batch.processes import handed_out
 from identification.common.findings import CompstiffError
 from tests.compensator.cutting.test_contract_asked import job, stiff, told
 from tests.runs.command_line import user_files as kit
@@ -98,3 +103,76 @@ def test_a_log_of_nearly_the_program_s_name_is_asked_about(
         "log the forces of a first pass, and put the log beside the program" if watched
         else "log the forces of a first pass, or name the folder of the logs with --forces")
 
+
+
+def files(folder: Path, *names: str) -> list[Path]:
+    folder.mkdir(exist_ok=True)
+    for name in names:
+        (folder / name).write_text(name)
+    return [folder / name for name in names]
+
+
+def test_a_program_has_one_log_of_its_own(tmp_path: Path) -> None:
+    """Beside it, or in the folder that is named; of several logs, and of one that two programs would take, none is guessed."""
+    programs = files(tmp_path, "a.mod", "b.mod", "b.apt", "c.mod")
+    files(tmp_path, "a.forces.csv", "a.forces.pq", "c.forces.parquet")
+    logs = tmp_path / "logs"
+    files(logs, "a.forces.csv", "b.forces.csv")
+    one, two, three, four = paired(programs, None, Folders(tmp_path / "out"))
+    with pytest.raises(CompstiffError, match=r"a.mod: error CS6001: has 2 force logs: a.forces.csv, a.forces.pq"):
+        _ = one.forces
+    for program, rival in ((two, "b.apt"), (three, "b.mod")):
+        with pytest.raises(CompstiffError, match=f"{program.program.name}: error CS6002: and {tmp_path / rival} have the same"):
+            _ = program.forces
+    assert (four.forces, four.own) == (tmp_path / "c.forces.parquet", (tmp_path / "c.mod", tmp_path / "c.forces.parquet"))
+    elsewhere = paired([programs[0], programs[3], programs[0]], logs, Folders(tmp_path / "out"))
+    assert [one.forces for one in elsewhere] == [logs / "a.forces.csv", None]
+    # Of one folder into another of the same name of file: by log, not by output, they are rivals.
+    other, = files(tmp_path / "second", "a.mod")
+    assert [one.rival for one in paired([programs[0], other], logs, Folders(tmp_path / "out"))] == [other, programs[0]]
+
+
+def test_a_log_beside_which_no_program_lies_is_told(tmp_path: Path) -> None:
+    files(tmp_path, "a.mod", "a.forces.csv", "A.forces.csv", "b.forces.pq", "c.apt", "c.forces.parquet", "d.forces.txt")
+    found = [(one.code, one.level, one.file, one.message.partition(" (or")[0]) for one in logs_without_program(tmp_path)]
+    said = "is a force log, and no program {}.mod"
+    assert found == [("CS6013", "warning", str(tmp_path / f"{stem}.forces.{suffix}"), said.format(stem))
+                     for stem, suffix in (("A", "csv"), ("b", "pq"))]
+
+
+@pytest.mark.parametrize("parts", [1, 2, 5])
+def test_each_program_is_in_one_part_by_what_stands_in_it(tmp_path: Path, parts: int) -> None:
+    """One that cannot be read is in the first, which says so."""
+    programs = files(tmp_path, *(f"p{k}.mod" for k in range(20)))
+    batch = paired([*programs, tmp_path / "none.mod"], None, Folders(tmp_path / "out"))
+    shares = [[one.program.name for one in share_of(batch, (part, parts))] for part in range(1, parts + 1)]
+    assert sorted(name for share in shares for name in share) == sorted(one.program.name for one in batch)
+    assert shares[0][-1] == "none.mod"
+    alone = [share_of(batch[k:k + 1], (part, parts)) for k in range(20) for part in range(1, parts + 1)]
+    assert sum(map(len, alone)) == 20
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_programs_come_back_in_order_and_none_begins_before_its_turn(seed: int) -> None:
+    """Whichever of those under way is done first; none is begun after a stop, or where no more are taken."""
+    rng = np.random.default_rng((6030, seed))
+    count, at_once = int(rng.integers(5, 15)), int(rng.integers(1, 5))
+    last = count if seed % 3 == 0 else int(rng.integers(1, count))
+    begun: list[Future[int]] = []
+
+    def submit(program: Any) -> Future[int]:
+        under_way = [future for future in begun if not future.done()]
+        assert len(under_way) < at_once
+        if seed % 3 == 2 and len(begun) == last:
+            raise BrokenExecutor
+        future = Future[int]()
+        begun.append(future)
+        if len(under_way) + 1 == at_once or len(begun) == last:       # nobody waits for ever
+            for done in rng.permutation(len(under_way) + 1)[:None if len(begun) == last else 1]:
+                [*under_way, future][done].set_result(0)
+        return future
+
+    left = deque(range(count))
+    found = handed_out(cast(Any, left), submit, at_once, lambda: seed % 3 == 1 and len(begun) == last)
+    assert [program for program, future in found if future.done()] == list(range(last))
+    assert list(left) == list(range(last, count))

@@ -40,6 +40,26 @@ def test_a_journal_that_cannot_be_opened_is_said_and_leaves_the_folder_free(tmp_
     Journal(tmp_path).close()       # not CS6005: the failed one holds no lock
 
 
+def test_lines_that_cannot_be_read_are_told_at_the_next_start_alone(place: Shop) -> None:
+    """They stay in the journal, each; a line that is torn later is news."""
+    watched = Watched(place)
+    place.put("a")
+    assert watched.settled() == [("a.mod", "ok")]
+    watched.journal.close()
+    journal = watched.out / NAME
+    said = []
+    for torn in (b"", b'{"event": "beg\n[3]\n', b"", b'{"event": "done"}\n\n{"event"', b"", b""):
+        journal.write_bytes(journal.read_bytes() + torn)
+        started = once(place, watched.out)
+        assert started.exit_code == 0
+        said.append([line for line in started.stderr.splitlines() if "CS6007" in line])
+    assert [[line.partition("CS6007: ")[2].partition(" cannot be read")[0] for line in lines] for lines in said] == [
+        [], ["2 lines"], [], ["2 lines"], [], []]
+    text = journal.read_bytes()
+    assert (text[-1:], text.count(b'"event": "done", "program"')) == (b"\n", 1), "nothing was done again"
+    assert text.count(b'{"format": "compstiff-watch", "version": 1, "time": "') == 4       # begun, done, and twice told
+
+
 @pytest.mark.parametrize("call", ["write", "fsync"])
 def test_a_full_disk_stops_the_watch_before_a_program_is_taken(place: Shop, monkeypatch: pytest.MonkeyPatch, call: str) -> None:
     """Half a line is torn, not lost: the next watch takes the program, once."""

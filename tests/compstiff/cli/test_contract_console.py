@@ -1,5 +1,8 @@
 """What every command promises: exit codes, one JSON document, no traceback, nothing half written."""
 
+import contextvars
+import gc
+import io
 import json
 import os
 import re
@@ -12,11 +15,15 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from compstiff import __main__ as entry
 from compstiff import explain_code
 from compstiff.cli import console
+from compstiff.cli import main as main_module
+from compstiff.cli import push as pushing
 from compstiff.cli.main import compstiff as group
 from compstiff.cli.options import MinSpacing, TargetRange
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import Outcome, Session, attempt, document
+from identification.common import progress
 from identification.common.catalogue import catalogue
 from identification.common.files import check_writable, write_whole
 from identification.common.findings import CompstiffError, Finding, Refused, error, fold
@@ -70,6 +77,23 @@ def test_a_defect_leaves_a_log_and_no_traceback() -> None:
     Path(log[1]).unlink()
 
 
+@pytest.mark.parametrize("written", [True, False])
+def test_a_result_that_json_cannot_say_is_a_defect_and_one_document(tmp_path: Path, written: bool) -> None:
+    """It says whether files are there: they are whole or not there at all."""
+    def body(session: Session) -> Outcome:
+        if written:
+            write_whole({tmp_path / "a.csv": b"new"}, overwrite=True)
+        return Outcome({"rms_um": float("nan")}, lines=["rms nan"])
+
+    code, stdout, stderr = run(body, "--json")
+    document = json.loads(stdout)
+    (found,) = document["findings"]
+    assert (code, document["exit_code"], document["status"], found["code"], stderr) == (70, 70, "defect", "CS0070", "")
+    assert found["hint"].startswith("what was written before it is whole; " if written else "nothing was written; ")
+    Path(found["hint"].rpartition(" ")[2]).unlink()
+    assert run(body) == (0, "rms nan\n", "")
+
+
 @pytest.mark.parametrize(("words", "said"), [([], "a word\n"), (["--quiet"], ""), (["--json"], "")])
 def test_what_is_said_on_the_way_is_for_people(words: list[str], said: str) -> None:
     def body(session: Session) -> Outcome:
@@ -118,6 +142,59 @@ def test_findings_fold_and_quiet_keeps_errors() -> None:
     assert run(body) == (0, "done\n", "a:4: note CS3011: same (and 2 more like it)\nnext: the next step\n")
     assert run(body, "-q") == (0, "done\n", "")
     assert len(json.loads(run(body, "--json", "-v")[1])["findings"]) == 3
+
+
+def test_a_script_is_shown_findings_folded_unless_it_asks() -> None:
+    notes = Outcome(findings=tuple(Finding("CS3011", "note", "same", file="a", line=i) for i in (4, 5, 6)))
+    assert [len(document(session, notes, "ok", 0)["findings"]) for session in (Session("try"), Session("try", verbose=True))
+            ] == [1, 3]
+    assert document(Session("try"), Outcome(), "failed", 1)["result"] is None
+    assert document(Session("try"), Outcome(), "ok", 0)["result"] == {}
+    assert document(Session("try"), Outcome({"a": 1}), "refused", 3)["result"] == {"a": 1}
+
+
+@pytest.mark.parametrize(("terminal", "words", "shown"), [
+    (True, {}, True), (False, {}, False), (True, {"quiet": True}, False), (True, {"as_json": True}, False)])
+def test_progress_is_shown_where_a_person_watches(
+    monkeypatch: pytest.MonkeyPatch, terminal: bool, words: dict[str, bool], shown: bool
+) -> None:
+    seen = []
+
+    def body() -> Outcome:
+        seen.append(progress.shown.get())
+        return Outcome()
+
+    monkeypatch.setattr(sys, "stderr", Terminal(terminal))
+    assert contextvars.copy_context().run(attempt, Session("try", **words), body)[1:] == ("ok", 0)
+    assert seen == [shown]
+
+
+class Terminal(io.StringIO):
+    """Where something is written to that a person sees, or not."""
+
+    def __init__(self, terminal: bool) -> None:
+        super().__init__()
+        self.terminal = terminal
+
+    def isatty(self) -> bool:
+        return self.terminal
+
+
+@pytest.mark.parametrize(("terminal", "words", "after", "shown"), [
+    (True, {}, 1.1, True), (True, {}, 0.9, False), (False, {}, 9.0, False), (True, {"quiet": True}, 9.0, False),
+    (True, {"as_json": True}, 9.0, False)])
+def test_pages_of_offsets_are_counted_for_a_person_who_waits(
+    monkeypatch: pytest.MonkeyPatch, terminal: bool, words: dict[str, bool], after: float, shown: bool
+) -> None:
+    """Every tenth and the last, on one line."""
+    stream, now = Terminal(terminal), [100.0]
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(pushing.time, "monotonic", lambda: now[0])
+    told = pushing._progress(Session("push", **words))
+    now[0] += after
+    for page in range(1, 24):
+        told(page, 23)
+    assert stream.getvalue() == ("\rpage 10 of 23\rpage 20 of 23\rpage 23 of 23\n" if shown else "")
 
 
 def test_wrong_calls_exit_2_with_json_too() -> None:
@@ -182,6 +259,25 @@ def test_ctrl_c_exits_130(tmp_path) -> None:
         _, stderr = process.communicate(timeout=300)
     assert process.returncode == 130
     assert "Traceback" not in stderr
+
+
+@pytest.mark.parametrize(("stated", "threads"), [(None, "1"), ("4", None)])
+def test_the_linear_algebra_has_one_thread_unless_its_user_says(
+    monkeypatch: pytest.MonkeyPatch, stated: str | None, threads: str | None
+) -> None:
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "ARROW_DEFAULT_MEMORY_POOL"):
+        monkeypatch.setenv(name, "")            # so that all is put back
+        monkeypatch.delenv(name)
+    if stated:
+        monkeypatch.setenv("OMP_NUM_THREADS", stated)
+    monkeypatch.setattr(main_module, "main", lambda: None)
+    before = gc.get_threshold()
+    try:
+        entry.run()
+    finally:
+        gc.set_threshold(*before)
+    assert (os.environ.get("OPENBLAS_NUM_THREADS"), os.environ.get("OMP_NUM_THREADS")) == (threads, stated)
+    assert os.environ["ARROW_DEFAULT_MEMORY_POOL"] == "system"
 
 
 @pytest.mark.parametrize(("written", "code"), [([], 130), (["a.mod"], 0)])
@@ -328,6 +424,8 @@ def test_a_file_that_may_not_be_read_is_a_wrong_call(tmp_path: Path, monkeypatch
 
 S = ("--stiffness", "s.json")
 F = ("--forces", "f.csv")
+ROBOT = "irb6660-205-1.90"
+TOOL = ("--robot", ROBOT, "--tool-tcp", "120,0,250")
 
 
 @pytest.mark.parametrize(("words", "said"), [
@@ -363,6 +461,37 @@ F = ("--forces", "f.csv")
     (("design", "cell.yaml", "--add", "3", "rows.csv", "--criterion", "C", "--diagnosis", "s.json", "-o", "p.csv"),
      "give one of them"),
     (("design", "cell.yaml", "--add", "3", "rows.csv", "--measurements", "4", "-o", "p.csv"), "--add says how many runs"),
+    (("design", "cell.yaml", "--add", "3", "rows.csv", "--preset", "paper", "-o", "p.csv"), "--add says how many runs"),
+    (("design", "cell.yaml", "--preset", "paper", "--measurements", "5", "-o", "p.csv"), "--preset paper has five"),
+    (("design", "cell.yaml", *F, "-o", "p.csv"), "--forces belongs to --toolpath"),
+    (("design", "cell.yaml", "--position", "1", "2", "3", "--box", *"123456", "-o", "p.csv"), "--position and --box exclude"),
+    (("design", "cell.yaml", "--diagnosis", "s.json", "-o", "p.csv"), "--diagnosis belongs to --add N MEASUREMENTS"),
+    (("design", "cell.yaml", "--dead-weight", "much", "-o", "p.csv"), "--dead-weight takes masses in kg such as 20,40"),
+    *((("design", "cell.yaml", "--direction", "free", *more, "-o", "p.csv"), "--direction free loads each pose along a line")
+      for more in (("--axes", "xy"), ("--every-axis",), ("--preset", "paper"))),
+    *((("design", "cell.yaml", "--dead-weight", "20,40", *more, "-o", "p.csv"), "--dead-weight only pulls down")
+      for more in (("--preset", "paper"), ("--every-axis",), ("--axes", "z"), ("--direction", "free"), ("--max-force", "300"))),
+    *((("correct", "cell.yaml", "part.mod", "path.apt", *S, *more, "-o", "out"), "name the log of one program: call it")
+      for more in (("--other-forces", "f.csv"), ("--first-forces", "f.csv"))),
+    (("correct", "cell.yaml", "part.mod", "second.mod", *S, *F, "-o", "out.mod"), "-o names a folder, not 'out.mod'"),
+    (("correct", "cell.yaml", "part.mod", *S, "-o", "out.mod"), "there is no force log part.forces.csv (or .parquet) beside"),
+    (("correct", "cell.yaml", "part.mod", *S, *F, "--first-forces", "f.csv", "-o", "x.mod"), "--first-forces needs"),
+    (("correct", "cell.yaml", "part.mod", *S, *F, "--predict-force", "s.json", "-o", "x.mod"), "--predict-force and --stock"),
+    (("correct", "cell.yaml", "part.mod", *S, *F, "--stock", "stock.yaml", "-o", "x.mod"), "--predict-force and --stock"),
+    *((("push", "cell.yaml", "off.csv", *more), "--tls-ca, --tls-cert and --tls-key belong together") for more in (
+        ("--tls-ca", "s.json"), ("--tls-ca", "s.json", "--tls-key", "s.json"), ("--tls-cert", "s.json", "--tls-key", "s.json"),
+        ("--tls-ca", "s.json", "--tls-cert", "s.json"))),
+    *((("identify", "cell.yaml", "motion.csv", *more, "-o", "k.json"), "are for measured TCP deflections, not for logs")
+      for more in (("--prior", "gaussian"), ("--gamma", "2"), ("--profile",))),
+    (("init", "new", "--robot", ROBOT), "Missing option '--tool-tcp': there is no terminal to ask on."),
+    (("init", "new"), "Missing option '--robot' and '--tool-tcp'"),
+    (("init", "new", *TOOL, "--force-frame", "sensor"), "--force-frame sensor needs --sensor-position."),
+    *((("init", "new", *TOOL, *more), "belong to --force-frame sensor.")
+      for more in (("--sensor-position", "1,2,3"), ("--sensor-quaternion", "1,0,0,0", "--force-frame", "tool"))),
+    *((("init", "new", *TOOL, *more), "--cutter-diameter and --contact belong to --material.")
+      for more in (("--cutter-diameter", "10"), ("--contact", "3"))),
+    (("init", "new", *TOOL, "--material", "cheese"), "'cheese' is none of "),
+    (("init", "new", *TOOL, "--weights", "heavy"), "takes masses in kg such as 20,40"),
     (("init", "new", "--tool-tcp", "120,0"), "is not 3 numbers with commas between them, such as 120,0,250"),
     (("init", "new", "--tool-tcp", "120,0,high"), "is not 3 numbers with commas between them, such as 120,0,250")])
 def test_words_that_do_not_go_together_are_a_wrong_call(

@@ -142,6 +142,23 @@ def test_a_log_is_held_against_the_program_of_its_name(folder: Path) -> None:
     assert verdicts(run)["part.forces.csv"] == ("force log", "error")
 
 
+@pytest.mark.parametrize(("log", "program"), [
+    ("part.forces.csv", "part.mod"), ("Part.forces.csv", "Part.mod"), ("PART.forces.csv", "part.mod"),
+    ("Part.Forces.csv", "Part.mod"), ("other.forces.csv", "")])
+def test_a_log_goes_with_the_program_whose_name_is_its_own(folder: Path, log: str, program: str) -> None:
+    """To the letter where there is one, else whatever its capitals: here a program of one move, and one of them all."""
+    text = (folder / "part.mod").read_text()
+    moves = re.findall(r"^ *Move.*\n", text, re.MULTILINE)
+    (folder / "Part.mod").write_text(text.replace("".join(moves), moves[0]))
+    (folder / "part.forces.csv").rename(folder / "log")
+    (folder / "log").rename(folder / log)
+    run = check(folder, folder / "part.mod", folder / "Part.mod", folder / log, "--tare", "0:1")
+    (found,) = [one for one in run.json["result"]["files"] if one["file"].endswith(log)]
+    # A log of all targets is none of the program of one.
+    assert found["verdict"] == ("error" if program == "Part.mod" else "note")
+    assert found["found"].endswith(f"; of {program}") == (program == "part.mod")
+
+
 def test_a_tare_in_the_cut_is_wrong_here_as_there(folder: Path) -> None:
     assert same_code_as_correct(folder, "--tare", "4:6") == 1
 
@@ -232,13 +249,15 @@ def test_every_turn_is_said_in_degrees(tmp_path: Path, quaternion: str, said: st
     assert run.code == 0
 
 
-@pytest.mark.parametrize("form", ["apt", "mod"])
-def test_the_order_that_reaches_the_program_is_named(tmp_path: Path, form: str) -> None:
+@pytest.mark.parametrize(("form", "tilted"), [
+    ("apt", ""), ("mod", ""), ("apt", "quaternion: [0.965925826, 0, 0.258819045, 0], ")])
+def test_the_order_that_reaches_the_program_is_named(tmp_path: Path, form: str, tilted: str) -> None:
     """A robot that faces the world's y axis: with w last it lies on its back, and reaches nothing of the part. One that stands
-    elsewhere reaches it in neither."""
+    elsewhere reaches it in neither. tilted: the turn of a tool with which, in the other order, nothing can be posted."""
     right = "base_frame: {quaternion: [0.70710678, 0, 0, 0.70710678]}"
     last = "base_frame: {quaternion: [0, 0, 0.70710678, 0.70710678]}"
     placed = PLACED.replace("[1400, 500, 800]", "[100, 1300, 700]") % [1, 0, 0, 0]
+    placed = placed.replace("mass_kg", f"{tilted}mass_kg")
     (tmp_path / "cell.yaml").write_text(f"{placed}{right}\n")
     (tmp_path / "part.apt").write_text(APT)
     if form == "mod":
