@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from compensator.correction import engagement
+from compensator.correction.cutting_prior import depths, slot_depths
 from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.engagement import LoggedPass, across_feed, depth_logged, standing
 from compensator.correction.least_depth import least_depth
@@ -244,6 +245,53 @@ def test_where_nothing_is_known_of_slots_a_k_of_all_places_holds_in_them(wall: C
     np.testing.assert_allclose(found.left(np.zeros(2)), counts * np.sqrt(np.mean(at(drawn) ** 2, axis=0)), rtol=0.03)
     told = [(deep, np.sqrt(np.mean(at(np.array([deep])) ** 2))) for deep in (1e-3, 2e-3, 5e-3)]
     np.testing.assert_allclose(np.array(found.at_depths), np.array(told if counts else []))
+
+
+@pytest.mark.parametrize("on_plan", [True, False])
+def test_where_nothing_is_followed_the_pass_is_as_logged(on_plan: bool) -> None:
+    """The forces and the deviation are those of the log. Of forces that a tool on its plan meets nothing is left by the cut; of
+    logged ones what an unknown cut leaves, and what 10 N/mm would: 50 um of deviation, 40 of them along 90 N of push."""
+    job = planned([[0, 0, 0], [0, 90, 0], [0, 90, 0], [0, 90, 0]], [0, 1, 2, 3], [[0, 40, 30]] * 3)
+    found, prediction = engagement.following_the_cut(job, np.arange(4), LoggedPass(None, None, on_plan=on_plan))
+    assert (found.loaded, prediction, found.gain, found.findings) == (job.loaded, job.prediction, 0.0, ())
+    np.testing.assert_array_equal(found.in_covariance, 0.0)
+    np.testing.assert_array_equal(found.uncorrected, 1.0)
+    assert len(found.uncorrected) == len(found.left) == len(found.in_covariance) == 3
+    if on_plan:
+        assert not found.left.any()
+        assert not found.stood.any()
+        assert (found.left_as_logged, found.at_depths, found.at_slot_depths) == (None, (), ())
+        return
+    np.testing.assert_allclose(found.stood, [[0, 40e-6, 30e-6]] * 3)
+    grown = 1e4 * 40e-6 / 90
+    np.testing.assert_allclose(found.left_as_logged, 50e-6 * grown / (1 + grown))
+    assert [depth for depth, _ in found.at_depths] == [0.3e-3, 1e-3, 3e-3]
+    slot = [depth for depth, _ in found.at_slot_depths]
+    # 90 degrees to the left of the feed is half a slot, which rises by 30 um.
+    assert slot == [1e-3, 2e-3, 5e-3]
+    wall, in_slot = (np.array([left for _, left in told]) for told in (found.at_depths, found.at_slot_depths))
+    for depth, left in zip((0.3e-3, 1e-3, 3e-3), wall, strict=True):
+        grown = 0.75 * 0.5 * 40e-6 / (depth - 40e-6)
+        assert left == pytest.approx(50e-6 * grown / (1 + grown))
+    for depth, left in zip(slot, in_slot, strict=True):
+        grown = 0.5 * 30e-6 / (depth - 30e-6)
+        assert left == pytest.approx(50e-6 * grown / (1 + grown))
+    assert found.left[1] == pytest.approx(float(np.hypot(*(
+        engagement._of_any_depth(job, np.full(4, grows), np.full(4, aside), drawn, ())[0][1] for grows, aside, drawn in (
+            (0.375 * 40e-6, 40e-6, depths(CorrectionSettings())), (0.5 * 30e-6, 30e-6, slot_depths()))))))
+
+
+@pytest.mark.parametrize(("steady", "more"), [(True, 0.0), (False, 40e-3 * 30 / 90)])
+def test_where_the_force_changes_more_is_left(steady: bool, more: float) -> None:
+    """By 30 N a millimetre, with the tool 40 um aside: beside what is not known of the cut; where a K is stated as exact it is
+    taken as such everywhere."""
+    job = planned([[0, value, 0] for value in ([90, 90, 90, 90] if steady else [60, 90, 120, 150])], [0, 1, 2, 3],
+                  [[0, 40, 0]] * 4)
+    unsure = CuttingStiffness(1e-9, 1.0, "stated")
+    found, _ = engagement.following_the_cut(job, np.arange(4), LoggedPass(None, unsure))
+    assert found.left[1] == pytest.approx(40e-6 * more / (1 + more), abs=1e-10)
+    nothing = CuttingStiffness(0.0, 0.0, "stated")
+    assert not engagement.following_the_cut(job, np.arange(4), LoggedPass(None, nothing))[0].left.any()
 
 
 def test_how_much_deeper_the_tool_goes_counts_by_the_newton_where_there_is_a_push() -> None:
