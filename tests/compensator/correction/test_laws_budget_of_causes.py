@@ -58,6 +58,7 @@ def test_a_depth_decides_that_makes_most_of_what_the_cut_leaves_and_that_most_of
         assert (f"{words}{at_depth:.1f} um at 0.3 mm, 1.0 um at 1 mm (--{'' if wall else 'slot-'}depth" in one.line()) == decides
         assert ("decides" in one.sentence()) == decides
     assert not left(sizes).mostly_unknown_cut
+    assert not left({"cut": [1.0, 1.0]}).mostly_unknown_cut
 
 
 @pytest.mark.parametrize(("learned", "scale", "expected"), [
@@ -153,10 +154,10 @@ def test_a_target_leaves_what_the_worse_of_its_two_moves_does() -> None:
     """Of moves that asked for nothing how far the deviation bends, at most half the tolerance evenly distributed where the move
     as given has room for a target at every second of the closest places; of one that was looked at what was seen, if that is
     something; never less than the turn."""
-    job = job_of([0, 1, 9, 10, 18, 26], [1, 2, 3, 4, 5])
+    job = job_of([0, 1, 9, 10.9, 13, 26], [1, 2, 3, 4, 5])
     bent = 1e-6 * np.array([0, 5, 1, 5, 9, 5])
     turned = 1e-6 * np.array([0, 0, 2, 0, 0, 0])
-    # Half of 6 um evenly distributed; the moves of 8 mm may have targets, those of 1 mm not.
+    # Half of 6 um evenly distributed; moves of 2 mm and more may have targets, those of 1 and 1.9 mm not.
     most = 3.0 / np.sqrt(3)
     own = np.array([0, 5, 2, 5, most, most])
     found = _between(job, np.arange(6), known(6, bent=bent, turned=turned), None)
