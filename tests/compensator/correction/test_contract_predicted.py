@@ -36,8 +36,9 @@ def test_a_tool_that_draws_itself_in_is_not_followed_far() -> None:
 
 
 @pytest.mark.parametrize(("inside", "words"), [
-    ([True] * 4, ""), ([True, False, False, True], "2 of 4 targets with force (50 %) stand where no measured part was: the learned "
-                       "remainder shrinks to nothing there, and its width of 23 um stays")])
+    ([True] * 4, ""),
+    ([True, False, False, True], "2 of 4 targets with force (50 %) stand where no measured part was: the learned remainder "
+     "shrinks to nothing there, and its width of 23 um stays")])
 def test_targets_outside_of_what_was_measured_are_told_with_the_first_of_them(inside: list[bool], words: str) -> None:
     loaded: Any = SimpleNamespace(path=path(), targets=np.array([3, 8, 9, 12]), learned=SimpleNamespace(
         remainder=SimpleNamespace(amplitude=23.4e-6)))

@@ -34,8 +34,8 @@ def test_causes_add_by_their_squares_and_are_told_at_two_sigma() -> None:
     assert found.as_dict() == pytest.approx(dict.fromkeys(CAUSES, 0.0) | figures)
     assert found.line() == (f"expected to be left on the part, 2 sigma: {2 * rms:.1f} um RMS, 26.0 um at most (the model 4.2, "
                             "force that follows the cut 17.9, between targets 7.1)")
-    assert found.sentence() == (f"On the part {2 * rms:.1f} um RMS are expected to be left, 26.0 um at most (2 sigma), by these "
-                                "causes: the model, force that follows the cut, between targets.")
+    assert found.sentence() == (f"On the part {2 * rms:.1f} um RMS are expected to be left, 26.0 um at most (2 sigma), by "
+                                "these causes: the model, force that follows the cut, between targets.")
     nothing = ExpectedLeft(**{cause: np.zeros(0) for cause in CAUSES})
     assert nothing.as_dict() == {"largest": 0.0, "rms": 0.0} | dict.fromkeys(CAUSES, 0.0)
     assert nothing.sentence().startswith("On the part 0.0 um RMS")
@@ -55,7 +55,8 @@ def test_a_depth_decides_that_makes_most_of_what_the_cut_leaves_and_that_most_of
         assert (one.wall_decides, one.slots_decide) == (decides and wall, decides and not wall)
         words = ("; how deep the cut is decides, and nobody stated it: the cut leaves " if wall else
                  "; how deep the slots are decides, and nobody stated it: they leave ")
-        assert (f"{words}{at_depth:.1f} um at 0.3 mm, 1.0 um at 1 mm (--{'' if wall else 'slot-'}depth" in one.line()) == decides
+        words += f"{at_depth:.1f} um at 0.3 mm, 1.0 um at 1 mm (--{'' if wall else 'slot-'}depth"
+        assert (words in one.line()) == decides
         assert ("decides" in one.sentence()) == decides
     assert not left(sizes).mostly_unknown_cut
     assert not left({"cut": [1.0, 1.0]}).mostly_unknown_cut
@@ -91,7 +92,7 @@ def path(count: int = 2) -> Any:
     ({"of_scatter": 60, "of_force": 30, "of_learned": 60}, (0, 30, 60, 6)),
     ({"of_scatter": -5, "of_force": -5, "of_learned": -5}, (96, 0, 0, 0))])
 def test_the_variance_of_a_prediction_is_shared_out_among_its_causes(parts: dict[str, float], split: tuple[int, ...]) -> None:
-    """100 um^2, of which 4 are the cut's; what a cause takes is not there for those behind it, and none has less than nothing."""
+    """100 um^2, of which 4 are the cut's; what a cause takes is not there for those behind it, and none is negative."""
     cut: Any = SimpleNamespace(in_covariance=np.full(2, 2e-6), left=np.array([3e-6, 7e-6]), at_depths=((1e-3, 1e-6),),
                                at_slot_depths=((2e-3, 2e-6),))
     job: Any = SimpleNamespace(path=path())
@@ -109,7 +110,8 @@ def test_what_stands_beside_the_covariance_is_added_to_it() -> None:
     """A seat, an accuracy, springs that are known to a factor."""
     cut: Any = SimpleNamespace(in_covariance=np.zeros(2), left=np.zeros(2), at_depths=(), at_slot_depths=())
     given = prediction(100.0)
-    given.wide, given.turned = SimpleNamespace(missing=np.array([7e-12, 9e-12])), np.tile(np.diag([1e-12, 2e-12, 3e-12]), (2, 1, 1))
+    given.wide = SimpleNamespace(missing=np.array([7e-12, 9e-12]))
+    given.turned = np.tile(np.diag([1e-12, 2e-12, 3e-12]), (2, 1, 1))
     job: Any = SimpleNamespace(path=path())
     found = foreseen(job, cut, given, np.tile(np.diag([4e-12, 4e-12, 1e-12]), (2, 1, 1)))
     np.testing.assert_allclose(found.of_model, [107e-12, 109e-12])
@@ -142,7 +144,8 @@ def job_of(length_mm: list[float], targets: list[int], tolerance: float = 6e-6) 
 def test_each_cause_is_the_root_of_its_variance_or_its_share_of_the_deviation() -> None:
     given = known(2, size=np.array([50e-6, 20e-6]), of_model=np.full(2, 9e-12), of_force=np.full(2, 4e-12),
                   of_scatter=np.full(2, 1e-12), of_learned=np.full(2, 25e-12), of_mounting=np.full(2, 49e-12),
-                  of_accuracy=np.full(2, 36e-12), cut=np.array([8e-6, 1e-6]), at_depths=((1.0, 2.0),), at_slot_depths=((3.0, 4.0),))
+                  of_accuracy=np.full(2, 36e-12), cut=np.array([8e-6, 1e-6]), at_depths=((1.0, 2.0),),
+                  at_slot_depths=((3.0, 4.0),))
     found = expected_left(job_of([0, 1], [0, 1]), np.arange(2), given, np.array([4e-6, 0.0]), None)
     for cause, um in {"model": [5, 3], "force": [2, 2], "scatter": [1, 1], "sensor": [2, 0.8], "mounting": [7, 7],
                       "motion": [10, 4], "cut": [8, 1], "learned": [5, 5], "accuracy": [6, 6], "between": [0, 0]}.items():
@@ -169,7 +172,7 @@ def test_a_target_leaves_what_the_worse_of_its_two_moves_does() -> None:
 
 
 def test_an_added_target_lies_in_the_move_as_given() -> None:
-    """Two were added on a move of 8 mm, the last move goes beyond the targets as given: each piece of it counts as the whole."""
+    """Two were added on a move of 8 mm: each piece of it counts as the whole."""
     job = job_of([0, 3, 6, 8, 9], [0, 1, 2, 3, 4])
     bent = np.full(5, 9e-6)
     found = _between(job, np.array([0, 3, 4]), known(5, bent=bent), None)

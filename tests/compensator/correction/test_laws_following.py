@@ -234,7 +234,8 @@ def test_a_slot_is_followed_up_to_95_per_cent_where_it_is_known(rise_um: float, 
 
 
 @pytest.mark.parametrize(("wall", "counts"), [
-    (None, True), (CuttingStiffness(20e3, 4e3, "passes", climb_only=True), True), (CuttingStiffness(20e3, 4e3, "stated"), False)])
+    (None, True), (CuttingStiffness(20e3, 4e3, "passes", climb_only=True), True),
+    (CuttingStiffness(20e3, 4e3, "stated"), False)])
 def test_where_nothing_is_known_of_slots_a_k_of_all_places_holds_in_them(wall: CuttingStiffness | None, counts: bool) -> None:
     """Else all of the force grows with a depth from 0.4 to 10 mm, of which 1, 2 and 5 mm are told."""
     job, rise = of_angles(115, 115), np.array([40e-6, -20e-6])
@@ -371,7 +372,8 @@ def test_a_followed_force_has_the_error_of_its_stiffness_in_its_covariance(monke
 def test_the_gain_is_the_largest_of_the_targets(monkeypatch: pytest.MonkeyPatch) -> None:
     """K by how far a newton along the push moves the tool, by differences of the forward kinematics; refused from 1 on."""
     def gains(stiffness: float) -> tuple[float, np.ndarray]:
-        job, found, _ = followed_by(monkeypatch, LoggedPass(None, CuttingStiffness(stiffness, 0.0, "stated")), [90.0] * 3, [0.1] * 3)
+        logged = LoggedPass(None, CuttingStiffness(stiffness, 0.0, "stated"))
+        job, found, _ = followed_by(monkeypatch, logged, [90.0] * 3, [0.1] * 3)
         moves = []
         for angles in job.loaded.theta:
             there = forward(robot(), angles[None], TOOL).position[0]
@@ -413,7 +415,7 @@ def test_of_a_pass_with_offsets_the_planned_program_has_another_deviation(monkey
 
 @pytest.mark.parametrize("yields_um", [39.0, 46.0])
 def test_a_set_up_that_was_learned_says_nothing_of_the_stiffness(monkeypatch: pytest.MonkeyPatch, yields_um: float) -> None:
-    """5 mm aside, of which the springs yield 39 um: 2 N/mm of it are under 90 N. With 46 um it does not fit, the log is another."""
+    """5 mm aside, of which the springs yield 39 um: at 2 N/um that is less than 90 N. With 46 um it does not fit the log."""
     logged = LoggedPass(None, CuttingStiffness(2e6, 0.0, "stated"))
     monkeypatch.setattr(engagement, "_check_gain", lambda *arguments: 0.5)
     told = (monkeypatch, logged, [90.0] * 3, [5000.0] * 3)

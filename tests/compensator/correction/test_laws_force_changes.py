@@ -139,7 +139,8 @@ def test_the_arm_is_as_soft_as_where_it_is_softest() -> None:
     np.testing.assert_allclose(force_changes._softness(job), np.repeat([by_force, by_moment], 3), rtol=1e-4)
 
 
-@pytest.mark.parametrize(("count", "beside", "tells"), [(16, 0, True), (15, 0, False), (4, 0, False), (20, 4, True), (20, 5, False)])
+@pytest.mark.parametrize(("count", "beside", "tells"), [
+    (16, 0, True), (15, 0, False), (4, 0, False), (20, 4, True), (20, 5, False)])
 def test_twelve_places_tell_the_noise(count: int, beside: int, tells: bool) -> None:
     """Each with two neighbours on either side that count; steps of one place are passed over."""
     mean = np.column_stack([100 * (-1.0) ** np.arange(count), np.arange(count) ** 3.0])

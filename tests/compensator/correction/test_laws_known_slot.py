@@ -108,7 +108,8 @@ def test_the_unloaded_robot_is_off_as_stated_but_where_a_part_showed_it(
     """300 um in all are 300 / sqrt(3) a component; another set-up that was not probed has it still."""
     accuracy = SimpleNamespace(position_um=300.0, length_mm=None, probed_by_robot=probed) if stated else None
     job: Any = SimpleNamespace(
-        cell=SimpleNamespace(accuracy=accuracy), targets=np.arange(2), loaded=SimpleNamespace(learned=object() if learned else None),
+        cell=SimpleNamespace(accuracy=accuracy), targets=np.arange(2),
+        loaded=SimpleNamespace(learned=object() if learned else None),
         settings=SimpleNamespace(correction=SimpleNamespace(repeats=repeats)))
     found = by_unloaded_robot(job)
     assert (found is not None) == counts

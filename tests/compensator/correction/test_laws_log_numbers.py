@@ -38,8 +38,9 @@ def path(target: str = "nearest", driven: list[int] | None = None) -> Any:
 def log(numbers: list[int]) -> ForceLog:
     count = len(numbers)
     force = np.arange(3.0 * count).reshape(count, 3)
-    return ForceLog("log.csv", force, np.zeros((count, 3)), False, "target", np.array(numbers, dtype=float), np.arange(count) + 2,
-                    np.ones(count), 0.01 * np.arange(count), 100.0, None, force.copy(), np.zeros(count, dtype=bool))
+    return ForceLog("log.csv", force, np.zeros((count, 3)), False, "target", np.array(numbers, dtype=float),
+                    np.arange(count) + 2, np.ones(count), 0.01 * np.arange(count), 100.0, None, force.copy(),
+                    np.zeros(count, dtype=bool))
 
 
 def evenly(stretches: list[tuple[float, float]]) -> np.ndarray:
@@ -69,8 +70,8 @@ def test_samples_stand_on_the_stretch_of_the_target_that_they_name(
     ("nearest", {0: (0, 0), 5: (50, 55), 6: (55, 60), 1: (10, 12), 2: (12, 16), 3: (16, 20), 4: (20, 22)}),
     ("ahead", {0: (0, 0), 5: (50, 50), 6: (50, 60), 1: (10, 10), 2: (10, 14), 3: (14, 18), 4: (18, 22)})])
 def test_no_sample_stands_on_a_way_that_is_not_driven(target: str, stretches: dict[int, tuple[float, float]]) -> None:
-    """Driven are 0, then 3 and 4, then 1 and 2: from 0 to 1 in the text no tool went, nor from 2 to 3. The rows come in the order
-    of the path, without their time."""
+    """Driven are 0, then 3 and 4, then 1 and 2: from 0 to 1 in the text no tool went, nor from 2 to 3. The rows come in the
+    order of the path, without their time."""
     numbers = [k for k in stretches for _ in range(2)]
     found = by_given_targets(log(numbers), path(target, [0, 3, 4, 1, 2]), ADDED)
     order = np.argsort([WRITTEN[k] for k in numbers], kind="stable")

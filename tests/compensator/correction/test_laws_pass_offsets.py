@@ -3,6 +3,7 @@ and springs known to a factor make of a deviation: by fine steps, differences an
 
 from __future__ import annotations
 
+import itertools
 from types import SimpleNamespace
 from typing import Any
 
@@ -53,7 +54,7 @@ def test_what_a_target_had_is_the_mean_over_half_the_way_to_its_neighbours(targe
     places = np.array(targets_mm, dtype=float)
     found = MOVES.over(path_of(places), None if kept is None else np.array(kept))
     borders = np.concatenate([places[:1], 0.5 * (places[1:] + places[:-1]), places[-1:]])
-    for number, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
+    for number, (low, high) in enumerate(itertools.pairwise(borders)):
         # From either side of the place of two targets: what stands there itself is of no width.
         steps = np.linspace(low, high, 40_001)
         mean = np.mean(everywhere(0.5 * (steps[1:] + steps[:-1])), axis=0)
@@ -91,7 +92,8 @@ def test_two_passes_are_held_against_each_other_along_the_first_push() -> None:
     count = 44
     first = planned([[5, 30, 40]] * 42 + [[90, 0, 0], [5, 30, 40]], list(range(count)), [[1, 50, 20]] * count)
     second = planned([[9, 36, 42]] * 43 + [[0, 0, 0]], list(range(count)), [[2, 60, 25]] * 43)
-    first.forces.standard_error, second.forces.standard_error = np.tile([9, 3, 4.0], (count, 1)), np.tile([9, 6, np.nan], (count, 1))
+    first.forces.standard_error = np.tile([9, 3, 4.0], (count, 1))
+    second.forces.standard_error = np.tile([9, 6, np.nan], (count, 1))
     found = pass_pair(first, second, np.tile([0, -100e-6, 0], (count, 1)))
     n = np.array([0, 0.6, 0.8])
     np.testing.assert_allclose(found.direction, np.tile(n, (42, 1)))
@@ -115,7 +117,8 @@ def test_forty_targets_in_both_passes_are_needed(count: int, enough: bool) -> No
 def test_a_stated_depth_and_the_push_there_tell_how_stiff_a_climbing_cut_is(offset_um: float) -> None:
     """The middle of three quarters of the push by the depth that was cut, 60 um aside of 1 mm and its offset, known to 0.3."""
     push = np.linspace(80, 120, 45)
-    job = planned(np.column_stack([60 + 0 * push, push, 0 * push]).tolist(), list(range(45)), [[0, 60, 0]] * 45, depth_of_cut=1e-3)
+    force = np.column_stack([60 + 0 * push, push, 0 * push])
+    job = planned(force.tolist(), list(range(45)), [[0, 60, 0]] * 45, depth_of_cut=1e-3)
     found, [said] = known_by_depth(job, np.tile([0, 1e-6 * offset_um, 0], (45, 1)) if offset_um else None)
     law = stats.lognorm(0.3, scale=0.75 * 100 / (1e-3 - 60e-6 - 1e-6 * offset_um))
     assert found is not None
@@ -205,4 +208,5 @@ def test_springs_are_wide_from_a_tenth_on(std: float, wide: bool) -> None:
         np.testing.assert_allclose(one.covariance[place], covariance, atol=0.06 * np.abs(covariance).max())
         first = pushed.T @ model.covariance @ pushed
         np.testing.assert_allclose(one.first[place], first)
-        assert one.missing[place] == pytest.approx(np.trace(one.covariance[place] - first) + one.shift[place] @ one.shift[place])
+        more = np.trace(one.covariance[place] - first) + one.shift[place] @ one.shift[place]
+        assert one.missing[place] == pytest.approx(more)

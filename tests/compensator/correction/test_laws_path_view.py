@@ -187,7 +187,8 @@ def drawn(position_mm: np.ndarray, values: np.ndarray, findings: list[Finding], 
                                 length=1e-3 * np.concatenate([[0], np.cumsum(np.nan_to_num(steps))]))
     words = [f"MoveL p{k};{'x' * (k == 1) * 200}" for k in range(count)]
     data = ("MODULE M\nPROC main()\n" + "\n".join(words)).encode()
-    source = SimpleNamespace(name="p.mod", data=data, start=0, ends=np.array([k + 1 for k, one in enumerate(data) if one == 10]),
+    ends = np.array([k + 1 for k, one in enumerate(data) if one == 10])
+    source = SimpleNamespace(name="p.mod", data=data, start=0, ends=ends,
                              text=lambda start, end: data[start:end].decode())
     text: Any = SimpleNamespace(source=source)
     return path_view("Title", "Caption.", path, [Quantity("q", "Name", "um", values, "words", **more)], text, findings)
@@ -247,10 +248,10 @@ def test_moves_that_meet_are_one_line() -> None:
 
 
 @pytest.mark.parametrize(("count", "stretches"), [(10, 3), (12, 4), (13, 4), (7, 7), (5, 1)])
-def test_of_each_stretch_the_largest_and_the_corner_are_kept(count: int, stretches: int) -> None:
+def test_of_each_stretch_the_largest_is_kept(count: int, stretches: int) -> None:
     """By going through them."""
     rng = np.random.default_rng(count)
-    values, where = rng.normal(size=count), rng.normal(size=(count, 3))
+    values = rng.normal(size=count)
     values[rng.integers(count)] = np.nan
     each = -(-count // stretches)
     parts = [np.arange(k, min(k + each, count)) for k in range(0, count, each)]

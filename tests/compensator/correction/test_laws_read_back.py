@@ -71,8 +71,9 @@ def test_a_program_is_corrected_alike_whichever_sign_its_quaternions_have(tmp_pa
     for sign in (1, -1):
         folder = tmp_path / str(sign)
         folder.mkdir()
-        program = re.sub(r"\],\[([^]]+)\],\[(?=[^]]+\],\[9E)", lambda found: "],[" + ",".join(
-            str(sign * float(number)) for number in found[1].split(",")) + "],[", path.program())
+        program = path.program()
+        for pose in set(re.findall(r"\],\[([^]]+)\],\[(?=[^]]+\],\[9E)", program)):
+            program = program.replace(f"[{pose}]", f"[{','.join(str(sign * float(number)) for number in pose.split(','))}]")
         job = Job(folder, program=program, forces="target,fx_n,fy_n,fz_n\n" + force)
         run = job.correct()
         assert run.code == 0, run

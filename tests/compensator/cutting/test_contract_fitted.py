@@ -80,7 +80,7 @@ def test_what_is_known_before_is_how_far_forces_scatter() -> None:
 
 
 def most_telling(mean: np.ndarray, covariance: np.ndarray, depth: float, noise: float) -> tuple[OneCut, float]:
-    """Of slots and shoulders of FLAT about a chip of 0.1 mm the one behind which the worst known is known best, and how well."""
+    """Of slots and shoulders of FLAT, chips about 0.1 mm, the one behind which the worst known is known best, and how well."""
     cuts = [OneCut(width, climb, factor * 1e-4) for width in (0.1, 0.5, 1.0) for climb in (True, False)
             for factor in (0.5, 1.0, 2.0) if climb or width < 1]
     matrices = [cut.weight(FLAT, depth) for cut in cuts]

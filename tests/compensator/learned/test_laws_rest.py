@@ -63,7 +63,7 @@ def test_a_program_takes_set_up_drift_and_remainder_where_it_stands(turned: bool
         np.array([[1.0, 0.1, 0.5]]), np.zeros((1, 6)), 0.2, 30e-6), (of_rod,))
     assert learned.springs == 6 + own
     rest_position = np.array([[9.0, 9, 9], [1.1, 0.1, 0.5], [1.0, 0.2, 0.7], [0.9, 0.3, 0.4]])
-    base_position = rest_position + [0, 0, 0.01]
+    base_position = rest_position + np.array([0, 0, 0.01])
     tables = Rotation.from_rotvec([[0, 0, 0.1 * k] for k in range(4)]).as_matrix()
     path: Any = SimpleNamespace(
         base_from_tcp=SimpleNamespace(position=base_position), rest_from_tcp=SimpleNamespace(position=rest_position),
