@@ -57,6 +57,14 @@ def test_anything_else_than_was_meant_is_noticed(old: str, new: str) -> None:
         assert not said(before, before[:at] + new + before[at + len(old):])
 
 
+@pytest.mark.parametrize("name", ["tOne", "wOne"])
+def test_another_name_is_noticed(name: str) -> None:
+    """Of a tool or a work object, though all numbers are the same."""
+    before = text(negative=True).replace("z1,tOne;", "z1,tOne\\WObj:=wOne;")
+    assert said(before, before)
+    assert not said(before, before.replace(name, "tNew"))
+
+
 def test_one_target_more_or_less_is_noticed() -> None:
     before = text()
     move = next(line for line in before.splitlines(keepends=True) if "[120,20,30]" in line)
