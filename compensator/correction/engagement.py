@@ -322,10 +322,9 @@ def _engaged(
     left = len(predicted.targets) - len(size)
     note = f"; {left} with next to no force across the feed, or in another cut, keep theirs" if left else ""
     known = f"with a cutting stiffness of {1e-3 * stiffness.max():.3g} N/mm" if stiffness.any() else "in slots"
-    return cut, (Finding(
-        "CS4120", "note", f"force follows the cut: {known} the corrected "
-        f"pass meets forces that are {100 * np.median(size):+.1f} % (median), {100 * np.abs(size).max():.1f} % at most, off the "
-        f"logged{note}", file=source),)
+    off = f"{100 * np.median(size):+.1f} % (median), {100 * np.abs(size).max():.1f} % at most, off the logged"
+    return cut, (Finding("CS4120", "note", f"force follows the cut: {known} the corrected pass meets forces that are {off}{note}",
+                         file=source),)
 
 
 def _limited(predicted: Predicted, beyond: Indices, across: Array) -> tuple[Finding, ...]:
