@@ -322,8 +322,8 @@ def _engaged(
     left = len(predicted.targets) - len(size)
     note = f"; {left} with next to no force across the feed, or in another cut, keep theirs" if left else ""
     known = f"with a cutting stiffness of {1e-3 * stiffness.max():.3g} N/mm" if stiffness.any() else "in slots"
-    off = f"{100 * np.median(size):+.1f} % (median), {100 * np.abs(size).max():.1f} % at most, off the logged"
-    return cut, (Finding("CS4120", "note", f"force follows the cut: {known} the corrected pass meets forces that are {off}{note}",
+    off = f"{100 * np.median(size):+.1f} % (median), {100 * np.abs(size).max():.1f} % at most, off the logged{note}"
+    return cut, (Finding("CS4120", "note", f"force follows the cut: {known} the corrected pass meets forces that are {off}",
                          file=source),)
 
 
