@@ -77,5 +77,5 @@ def test_it_is_said_in_one_sentence() -> None:
     cut: Any = SimpleNamespace(words="An end mill of 16 mm")
     assert IfAnother(cut, 12.4, 3.6, 7.2, 8.8, 1.2).words == (
         "An end mill of 16 mm. The correction would be another by about 12 um RMS were the stock 1 mm aside, by 4 um were its "
-        "top 1 mm higher, by 7 um were the cutter 1 mm thicker, by 9 um for each 10 % of force that the material takes more, by 1 "
-        "um were the edges worn by half since the log")
+        "top 1 mm higher, by 7 um were the cutter 1 mm thicker, by 9 um for each 10 % of force that the material takes more, "
+        "by 1 um were the edges worn by half since the log")
