@@ -109,8 +109,8 @@ def test_what_is_taken_as_given_is_said_in_a_line_each() -> None:
     assert given.words == words
     assert given.lines() == ["taken as given, compare:", *(f"  {one}" for one in words)]
     unknown = replace(given, power=None, sections={}, direction="", unstated="")
-    assert unknown.words[2:] == ["cut: 123 N across the tool in the middle (cutting.material and tool_diameter_mm in cell.yaml, "
-                                 "a spindle speed: then what cut that is)"]
+    assert unknown.words[2:] == ["cut: 123 N across the tool in the middle (cutting.material and tool_diameter_mm in "
+                                 "cell.yaml, a spindle speed: then what cut that is)"]
     assert replace(unknown, of_stock="from the stock").words[2:] == ["cut: from the stock"]
     assert replace(unknown, force=0.0).words[2:] == []
     assert replace(given, place="").lines() == []
@@ -129,6 +129,8 @@ def test_where_the_program_cuts_and_by_which_robot_is_said(serial: str | None, s
         force_log=SimpleNamespace(form=SimpleNamespace(spindle_rpm=None, mounting_std_deg=None)))
     job.path.toolpath.feed = np.full(4, 0.01)
     job.path.base_from_tcp.position[:, 2] = 0.7004
+    job.path.toolpath.by_joints = np.zeros(4, dtype=bool)
+    job.path.steps = np.diff(job.path.base_from_tcp.position, axis=0, prepend=0.0)
     loaded: Any = SimpleNamespace(path=job.path, targets=job.targets, forces=job.forces, learned=None,
                                   model=SimpleNamespace(source=None if source is None else Path(source)))
     job.forces.unknown = np.zeros((4, 3, 3))
