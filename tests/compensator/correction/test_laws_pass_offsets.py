@@ -4,6 +4,7 @@ and springs known to a factor make of a deviation: by fine steps, differences an
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,12 +13,13 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
+from compensator.correction import pass_offsets
 from compensator.correction.before_touch import held_beside_air
 from compensator.correction.logged_pass import known_by_depth, known_by_force, pass_pair
 from compensator.correction.pass_offsets import PassOffsets
 from compensator.correction.turned_sensor import by_turned_sensor, lever_of, mounting_std
 from compensator.correction.wide_springs import WideSprings
-from identification.common.findings import CompstiffError
+from identification.common.findings import CompstiffError, Finding
 from identification.model.rotations import Frame
 from tests.compensator.correction.test_laws_following import planned
 
@@ -67,7 +69,32 @@ def test_a_target_on_which_no_way_is_has_its_own_offset() -> None:
     one = PassOffsets(given, np.array([1]), np.array([0.5]), np.array([[9e-6, 9e-6, 9e-6]]))
     found = one.over(path_of(np.array([0.0, 5, 5, 5])))
     np.testing.assert_allclose(found[2], given[2])
-    np.testing.assert_array_equal(PassOffsets.at_targets(given).over(path_of(np.array([0.0, 1, 2, 3]))), given)
+    plain = PassOffsets.at_targets(given)
+    np.testing.assert_array_equal(plain.over(path_of(np.array([0.0, 1, 2, 3]))), given)
+    np.testing.assert_array_equal(plain.offset, given)
+    assert len(plain.share) == len(plain.added) == 0
+
+
+@pytest.mark.parametrize(("told", "added"), [
+    ({"along": "added"}, True), ({"along": "given"}, False), ({"along": "given", "beside": None}, True),
+    ({"along": "given", "driven": True}, True), ({"key": "target"}, False), ({"key": "target", "codes": ("CS4127",)}, True)])
+def test_a_pass_had_the_added_targets_where_its_log_shows_so(
+    monkeypatch: pytest.MonkeyPatch, told: dict[str, Any], added: bool
+) -> None:
+    """By the places beside the path, where they are known, to 10 um; by the numbers of the written program. A log that tells
+    neither, or axes that drive, leave it at what was written."""
+    path = path_of(PLACES)
+    path.axes = SimpleNamespace(driven=told.get("driven", False), world_from_base=SimpleNamespace(
+        inverse=lambda: SimpleNamespace(turn=lambda vectors: -vectors)))
+    place = 1e-3 * np.linspace(0, 25, 200)
+    there = (MOVES if told.get("along") == "added" else MOVES.without_added()).at(path, place)
+    beside = -there + 1e-5 * np.random.default_rng(1).standard_normal((200, 3))
+    beside[3], place[7] = np.nan, np.nan
+    log = SimpleNamespace(key=told.get("key", "position"), place=place, beside=told.get("beside", beside), findings=tuple(
+        Finding(code, "note", "") for code in told.get("codes", ("CS3001",))))
+    monkeypatch.setattr(pass_offsets, "read_offsets", lambda file, path: MOVES)
+    job: Any = SimpleNamespace(forces=SimpleNamespace(log=log), path=path)
+    assert len(pass_offsets.offsets_of_pass(Path("offsets.csv"), job).before) == 3 * added
 
 
 def test_what_is_written_is_split_into_given_and_added_again() -> None:
