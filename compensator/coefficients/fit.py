@@ -45,6 +45,8 @@ TABLE_MODEL_ERROR = 0.05
 MOST_BESIDE = 0.8
 # A fit leaves no more than this share of the force in the middle of so many neighbours (right ones leave up to 3 %).
 MOST_LEFT, NEIGHBOURS = 0.1, 8
+# No mean force of a test cut is known better, in each component [N].
+LEAST_NOISE = 0.5
 # Chips of this share of the time say nothing of what a log tells.
 SELDOM = 0.005
 # No chip needs less or more than these shares of what the table has for its material, which is known to 40 %; one that does is
@@ -99,7 +101,7 @@ def cutting_coefficients(
         {"from": "log", "spindle_rpm": 60 / cut.revolution, "made_from": _made_from(cell, program, blank.source, forces)},
         rejected="; ".join(finding.message for finding in said if finding.code in REJECTED))
     depth = float(np.median(cut.engagement.depth[cut.engagement.cuts]))
-    noise = float(np.hypot(found.floor, 0.5))
+    noise = float(np.hypot(found.floor, LEAST_NOISE))
     further = next_cut(coefficients.mean, found.covariance, cut.cutter, depth, float(np.median(chip)), noise)
     findings = (*predicted.findings, *driven_as_said(predicted), *cut.findings(), *assumed, *said,
                 *said_of_the_material(found, material, float(np.median(chip)), source))
@@ -171,7 +173,7 @@ def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings =
         file=toolpath.source, hint="is that the feed of the cut, or of the air? Declare the speeds in this file")]
     depth = 1e-3 * (cell.cutting.contact_mm or 1.0)
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), None, None,
-                              next_cut(mean, covariance, cutter, depth, chip, 0.5),
+                              next_cut(mean, covariance, cutter, depth, chip, LEAST_NOISE),
                               (*assumed, *said, *said_of_cutter(cell, cutters)))
 
 

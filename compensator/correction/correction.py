@@ -27,6 +27,7 @@ from compensator.path.legs import Poses
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import read_only
 from identification.common.findings import CompstiffError, Finding, Refused, counted, verb
+from identification.common.quantities import cause_words
 from identification.model.compliance import CHUNK, displacement, joint_torque, loaded_angles
 from identification.model.inverse import NEARLY_SINGULAR, configuration, nearest_angles, wrist_distance
 from identification.model.kinematics import chunks, forward
@@ -163,9 +164,11 @@ def _full(loaded: LoadedPath) -> tuple[Poses, Array]:
         twist = float(np.maximum(twist, np.linalg.norm(turned, axis=1).max(initial=0.0)))     # NaN stays
     if len(targets) and not max(residual.max(), twist) <= RESIDUAL_LIMIT:
         worst = int(targets[np.argmax(residual)])
+        of = ", ".join(cause_words(effect.label) for effect in model.effects)
         raise CompstiffError(loaded.path.finding(
             worst, "CS4108", "error", f"the correction did not converge: the loaded tool stays {1e6 * residual.max():.3g} um "
-            f"and {twist:.3g} rad off the plan", "check the units of the forces"))
+            f"and {twist:.3g} rad off the plan", "check the units of the forces" + (
+                f"; or what the stiffness file has beyond springs is too steep for a correction: {of}" if of else "")))
     return Poses(Frame(rotation, position), theta), residual
 
 

@@ -168,8 +168,6 @@ def _not_negative(mean: float, std: float) -> tuple[float, float]:
     """Mean and standard deviation of N(mean, std^2) above zero."""
     from scipy.special import log_ndtr
 
-    if not std > 0:
-        return max(mean, 0.0), 0.0
     low = -mean / std
     ratio = float(np.exp(-0.5 * low**2 - 0.5 * np.log(2 * np.pi) - log_ndtr(-low)))
     return mean + std * ratio, std * float(np.sqrt(max(1 + low * ratio - ratio**2, 0.0)))

@@ -265,8 +265,6 @@ def _check_gain(predicted: Predicted, stiffness: Array, direction: Array) -> flo
     """The largest K c_nn of stiffness K (N,) [N/m], across the feed along `direction` (N, 3). Raises Refused (CS3200) from 1
     on."""
     targets, model, toolpath = predicted.targets, predicted.model, predicted.path.toolpath
-    if not len(targets):
-        return 0.0
     along, theta = np.zeros(len(targets)), predicted.loaded.theta
     for tool, places in predicted.loaded.each_tool():
         for part in chunks(len(places)):
@@ -324,10 +322,9 @@ def _engaged(
     left = len(predicted.targets) - len(size)
     note = f"; {left} with next to no force across the feed, or in another cut, keep theirs" if left else ""
     known = f"with a cutting stiffness of {1e-3 * stiffness.max():.3g} N/mm" if stiffness.any() else "in slots"
-    return cut, (Finding(
-        "CS4120", "note", f"force follows the cut: {known} the corrected "
-        f"pass meets forces that are {100 * np.median(size) if len(size) else 0:+.1f} % (median), "
-        f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=source),)
+    off = f"{100 * np.median(size):+.1f} % (median), {100 * np.abs(size).max():.1f} % at most, off the logged{note}"
+    return cut, (Finding("CS4120", "note", f"force follows the cut: {known} the corrected pass meets forces that are {off}",
+                         file=source),)
 
 
 def _limited(predicted: Predicted, beyond: Indices, across: Array) -> tuple[Finding, ...]:

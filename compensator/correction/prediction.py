@@ -155,7 +155,7 @@ def _yields(compliance: Array, follows: Array) -> Array:
     """(1 - C J)^-1 (n, 3, 3) of compliances C [m/N] and what the force follows, J [N/m]; 1 where that would go far beyond the
     place that J was found at: a cut that draws the tool in."""
     inverse = np.linalg.inv(np.eye(3) - compliance @ follows)
-    far = ~(np.linalg.norm(inverse, ord=2, axis=(1, 2)) <= MOST_DRAWN)
+    far = np.linalg.norm(inverse, ord=2, axis=(1, 2)) > MOST_DRAWN
     inverse[far] = np.eye(3)
     return np.asarray(inverse)
 

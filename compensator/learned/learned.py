@@ -111,7 +111,7 @@ class Learned:
     def carried(self, repeats: Repeats) -> Learned:
         """What a program takes: without set-up and drift for another set-up, without drift for the same set-up, all of it for
         the same job again. Another job drifts too, nobody knows when: it is as wide as what was found."""
-        off = {"nothing": slice(0, SETUP + DRIFT), "setup": slice(SETUP, SETUP + DRIFT), "job": slice(0, 0)}[repeats]
+        off = slice({"nothing": 0, "setup": SETUP, "job": SETUP + DRIFT}[repeats], SETUP + DRIFT)
         mean, covariance = self.mean.copy(), self.covariance.copy()
         left_out = self.springs + np.arange(SETUP + DRIFT)[off]
         mean[left_out] = covariance[left_out] = covariance[:, left_out] = 0.0

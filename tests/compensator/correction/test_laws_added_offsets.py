@@ -11,6 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import compstiff
+from compensator.correction.offsets import _Columns
 from compensator.correction.pass_offsets import PassOffsets, read_offsets
 from compensator.correction.settings import Estimate
 from identification.common.findings import CompstiffError, Refused
@@ -166,3 +167,16 @@ def test_offsets_are_a_programs_whose_places_they_have_to_two_micrometres(tmp_pa
         return
     with pytest.raises(CompstiffError, match=r"CS4121: .*: target 1 is 0.0022 mm from where this program has it"):
         read_offsets(tmp_path / "offsets.csv", path)
+
+
+@pytest.mark.parametrize("rows", [(0, 6), (1, 4), (4, 6), (2, 3)])
+def test_columns_have_the_numbers_of_their_targets_and_nothing_at_others(rows: tuple[int, int]) -> None:
+    """Blocks of rows fit together; no minus nothing, no infinity, and empty where there is none."""
+    values = np.array([[1.234, -0.0004], [np.inf, 2.0], [-7.5, 0.5]])
+    unknown = np.arange(6) == 5
+    columns = _Columns("a b", values, 2, 10.0, np.array([1, 3, 4]), np.array([2, 0, 1]), unknown)
+    whole = {"a": [0.0, -75.0, 0.0, 12.34, np.nan, np.nan], "b": [0.0, 5.0, 0.0, 0.0, 20.0, np.nan]}
+    found = columns.rounded(slice(*rows))
+    for name, expected in whole.items():
+        np.testing.assert_array_equal(found[name], expected[slice(*rows)])
+        assert not np.signbit(found[name][found[name] == 0]).any()

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from compensator.correction.corners import corner_misses
+from compensator.correction.corners import _cut_off, corner_misses, sharp_corners
 from compensator.rapid import read_rapid
+from compensator.toolpath import Toolpath
+from identification.common.findings import Finding
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3
 from tests.runs.command_line.user_files import Job
@@ -113,3 +117,82 @@ def test_a_zone_of_a_move_that_is_not_touched_is_said(tmp_path: Path, change: tu
     assert (said["CS4322"]["message"], said["CS4322"]["target"]) == ("1 zone that cuts corners cannot be made smaller here", 2)
     assert said["CS4321"]["message"].startswith("2 zones were made smaller")
     assert (said["CS4320"]["target"], "at 1 target in the cut" in said["CS4320"]["message"]) == (2, True)
+
+
+def of_moves(*moves: tuple[str, float, float, str]) -> Toolpath:
+    """MoveL, MoveJ, MoveC (via and end, one after the other) in a plane, mm, with their zones."""
+    text, waiting = [], ""
+    for kind, x, y, zone in moves:
+        target = f"[[{x},{y},0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+        if kind == "via":
+            waiting = target + ","
+            continue
+        text.append(f"Move{kind} {waiting}{target},v50,{zone},tool0;")
+        waiting = ""
+    return read_rapid(kit.module(text, []).encode()).toolpath
+
+
+@pytest.mark.parametrize(("moves", "expected"), [
+    ([("L", 0, 0, "z1"), ("L", 10, 0, "z1"), ("L", 10, 10, "z1")], [0, 1, 0]),
+    ([("L", 0, 0, "z1"), ("J", 10, 0, "z1"), ("L", 10, 10, "z1")], [0, 0, 0]),
+    ([("L", 0, 0, "z1"), ("L", 10, 0, "z1"), ("J", 10, 10, "z1")], [0, 0, 0]),
+    ([("J", 0, 0, "z1"), ("L", 10, 0, "z1"), ("L", 10, 10, "z1")], [0, 1, 0]),
+    ([("L", 0, 0, "z1"), ("L", 10, 0, "z1"), ("L", 10, 0, "z1"), ("L", 10, 10, "z1")], [0, 0, 0, 0]),
+    # A half circle that begins square to the line, and ends so, about a centre to the right.
+    ([("L", 0, 0, "z1"), ("L", 10, 0, "z1"), ("via", 15, 5, ""), ("C", 20, 0, "z1"), ("L", 30, 0, "z1")], [0, 1, 0, 1, 0]),
+    # One that begins along the line.
+    ([("L", 0, 0, "z1"), ("L", 10, 0, "z1"), ("via", 15, 5, ""), ("C", 10, 10, "z1"), ("L", 10, 0, "z1")], [0, 0, 0, 1, 0]),
+    # In line: a straight one has the direction of its chords.
+    ([("L", 0, 0, "z1"), ("L", 0, 10, "z1"), ("via", 5, 10, ""), ("C", 10, 10, "z1"), ("L", 10, 0, "z1")], [0, 1, 0, 1, 0])])
+def test_zones_cut_corners_between_moves_on_lines_and_arcs(
+    moves: list[tuple[str, float, float, str]], expected: list[int]
+) -> None:
+    """Of 90 degrees in a zone of 1 mm: half of that times sin 45; not beside a joint move, or one of no length."""
+    toolpath = of_moves(*moves)
+    miss, half = corner_misses(toolpath, toolpath.position)
+    np.testing.assert_allclose(1e3 * miss, np.array(expected) * 0.5 * np.sin(np.pi / 4), atol=1e-9)
+    assert (half[np.array(expected) > 0] == pytest.approx(np.sin(np.pi / 4)))
+
+
+def test_of_an_unknown_target_its_neighbours_are_those_of_each_other() -> None:
+    toolpath = of_moves(("L", 0, 0, "z1"), ("L", 10, 0, "z1"), ("L", 5, 5, "z1"), ("L", 10, 10, "z1"))
+    position = toolpath.position.copy()
+    position[2] = np.nan
+    np.testing.assert_allclose(1e3 * corner_misses(toolpath, position)[0], [0, 0.5 * np.sin(np.pi / 4), 0, 0], atol=1e-9)
+    assert not corner_misses(toolpath, np.where(np.arange(4)[:, None] < 2, np.nan, position))[1].any()
+
+
+def turning(*degrees: float) -> Any:
+    """Moves of 10 mm that turn by so much at each target between them."""
+    heading = np.radians(np.concatenate([[0.0], np.cumsum(degrees)]))
+    points = np.vstack([[0, 0], 10 * np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)])
+    toolpath = of_moves(*(("L", round(x, 9), round(y, 9), "z1") for x, y in points))
+    return SimpleNamespace(
+        toolpath=toolpath, world_position=toolpath.position, finding=lambda target, code, level, message, hint: Finding(
+            code, level, message, "p.mod", target=target, hint=hint))
+
+
+@pytest.mark.parametrize(("targets", "sharp"), [
+    ([0, 1, 2, 3, 4, 5], [2, 4]), ([1, 2, 3, 4], [1]), ([2, 3, 4, 5], [2]), ([0, 1, 2, 4, 5], []), ([2], []), ([], [])])
+def test_a_sharp_corner_turns_by_45_degrees_between_two_with_force(targets: list[int], sharp: list[int]) -> None:
+    """The second target turns by 46 degrees, the third by 44, the fourth by 50 to the other side: places among those with
+    force."""
+    found = sharp_corners(turning(0, 46, 44, -50), np.array(targets, dtype=np.intp))
+    assert found.tolist() == sharp
+
+
+@pytest.mark.parametrize(("tolerance_um", "count"), [(353.0, 2), (354.0, 0), (353.54, 0), (100.0, 2)])
+@pytest.mark.parametrize("tightened", [True, False])
+def test_zones_that_cut_more_than_the_tolerance_are_told_at_the_worst(tolerance_um: float, count: int, tightened: bool) -> None:
+    """A right angle in a zone of 1 mm misses 353.55 um, two of them are in the cut; what is less than a thousandth more is
+    none."""
+    job: Any = SimpleNamespace(path=turning(90, 90, 90, 90), targets=np.arange(2, 6))
+    found = _cut_off(job, 1e-6 * tolerance_um, tightened=tightened)
+    assert [(one.code, one.level, one.target) for one in found] == [("CS4320", "warning", 3)] * bool(count)
+    for one in found:
+        assert one.message == (f"the zone cuts the corner at 2 targets in the cut by more than {tolerance_um:g} um, by 354 um "
+                               "at most; no correction reaches a fly-by point")
+        assert one.hint == ("smaller zones there cannot be written" if tightened else
+                            "--tighten-zones makes the zones smaller there")
+    job.path = turning(90, 90, 30, 90)
+    assert [one.target for one in _cut_off(job, 1e-4, tightened=False)] == [4]

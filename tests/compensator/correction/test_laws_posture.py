@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 import compstiff
-from compensator.correction import other_stance
+from compensator.correction import other_stance, posture
+from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.posture import Advice
+from identification.model.kinematics import forward
 from identification.model.rotations import Frame as Goal
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import line
 from tests.runs.command_line.test_refusals import at
 from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation
+from tests.support import robot
 
 FORCE = np.array([250.0, 60.0, -40.0])
 
@@ -182,3 +187,63 @@ def test_the_best_place_is_the_one_where_the_independent_arm_gives_way_least(
     found = other_stance.best_shift(loaded)
     np.testing.assert_allclose(best if found is None else found, best, atol=1e-9)
     assert (found is None) == (not best.any())
+
+
+@pytest.mark.parametrize(("count", "looked_at"), [(1, 1), (400, 400), (401, 201), (800, 400), (801, 267)])
+def test_turns_are_tried_in_steps_of_five_degrees_until_one_cannot_be_driven(
+    count: int, looked_at: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To half a turn at most, each from the one before; of so many targets as are looked at, evenly."""
+    seen: list[tuple[float, float]] = []
+
+    def followed(loaded: Any, turn: float, before: float) -> tuple[float, str]:
+        seen.append((before, turn))
+        return turn, "limit of joint 6" if turn > np.radians(22) else ""
+
+    monkeypatch.setattr(posture, "_followed", followed)
+    monkeypatch.setattr(posture, "_deviation", lambda loaded, theta: ((theta + 1.0) ** 2, 7.0 + theta))
+    found = posture.advise(cast(Any, Looked(np.arange(count))))
+    assert found is not None
+    turns = np.radians(np.arange(-180, 21, 5))
+    np.testing.assert_allclose(found.turn, turns)
+    np.testing.assert_allclose(found.rms, (turns + 1) ** 2)
+    np.testing.assert_allclose(found.largest, 7 + turns)
+    assert (found.stopped, found.targets) == (("half a turn", "limit of joint 6"), looked_at)
+    assert np.degrees(found.turn[[found.best, found.planned]]) == pytest.approx([-55, 0])
+    assert all(abs(before) == pytest.approx(abs(turn) - np.radians(5)) and before * turn >= 0 for before, turn in seen)
+    assert posture.advise(cast(Any, Looked(np.arange(0)))) is None
+
+
+@dataclass(frozen=True)
+class Looked:
+    """Targets whose joints stand at nothing."""
+
+    targets: np.ndarray
+    theta: float = 0.0
+
+
+@pytest.mark.parametrize("learned", [False, True])
+def test_what_was_learned_of_the_rest_is_taken_off_the_goal(learned: bool) -> None:
+    """The model shall bring the tool beside the plan by that, in the same orientation; the joints stand there."""
+    model = robot()
+    theta = np.array([0.1, 0.2, -0.3, 0.2, 0.8, 0.1]) + 0.05 * np.arange(4)[:, None]
+    tool = Goal(np.eye(3), np.array([0.1, 0.0, 0.25]))
+    plan = forward(model, theta, tool)
+    tools = Goal(np.tile(np.eye(3), (4, 1, 1)), np.tile(tool.position, (4, 1)))
+    path: Any = SimpleNamespace(base_from_tcp=plan, theta=theta, flange_from_tcp=tools)
+    targets, mean = np.array([1, 3]), 1e-3 * np.array([[1.0, -2, 0.5], [0, 3, -1]])
+    rest: Any = SimpleNamespace(rest=lambda path, which: SimpleNamespace(mean=mean)) if learned else None
+    wrench = np.arange(24.0).reshape(4, 6)
+    loaded = LoadedPath(path, cast(Any, SimpleNamespace(wrench=wrench)), cast(Any, SimpleNamespace(robot=model)), targets, rest)
+    expected = plan.position[targets] - learned * mean
+    for goal in (loaded.goal, loaded.goal_of(np.array([0, 1])), loaded.goal_of(slice(0, 2))):
+        np.testing.assert_allclose(goal.position, expected)
+        np.testing.assert_allclose(goal.rotation, plan.rotation[targets])
+    np.testing.assert_allclose(loaded.goal_of(np.array([1])).position, expected[1:])
+    np.testing.assert_allclose(loaded.goal_position, expected)
+    np.testing.assert_allclose(forward(model, loaded.theta, tool).position, expected, atol=1e-9)
+    np.testing.assert_array_equal(loaded.planned_theta, theta[targets])
+    np.testing.assert_array_equal(loaded.wrench, wrench[targets])
+    np.testing.assert_array_equal(loaded.plan.position, plan.position[targets])
+    whole = LoadedPath(path, cast(Any, SimpleNamespace(wrench=wrench)), cast(Any, SimpleNamespace(robot=model)), np.arange(4))
+    assert whole.wrench is wrench

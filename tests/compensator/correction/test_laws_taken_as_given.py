@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from compensator.correction.taken_as_given import WITHIN, TakenAsGiven, _cut
+from compensator.correction.settings import Settings
+from compensator.correction.taken_as_given import WITHIN, TakenAsGiven, _cut, taken_as_given
 from identification.model.cell_file import CuttingFile
+from tests.compensator.correction.test_laws_following import planned
 from tests.virtual_cell.endmill import EndMill
 
 STATED = CuttingFile(material="aluminium", tool_diameter_mm=16.0, contact_mm=2.0)
@@ -62,3 +69,78 @@ def test_a_cut_is_another_beyond_two_and_a_half_of_the_largest_or_four_of_the_st
     given = TakenAsGiven("", "", 1.0, 1.0, {"aluminium": area})
     found = given.finding(STATED, None if depth_mm is None else 1e-3 * depth_mm, "log")
     assert [one.message for one in found] == [f"these forces take {words}"] * bool(words)
+
+
+CUT = {"material": "steel", "tool_diameter_mm": 12.0, "contact_mm": 4.0}
+
+
+@pytest.mark.parametrize(("told", "rpm", "teeth", "names"), [
+    (CUT, 3000.0, 3, ["steel"]), (CUT | {"teeth": 4}, 3000.0, 4, ["steel"]),
+    ({"tool_diameter_mm": 12.0}, 3000.0, 3, ["aluminium", "steel"]), (CUT, None, 3, []),
+    ({"material": "steel"}, 3000.0, 3, [])])
+def test_the_section_of_a_cut_is_its_power_by_that_of_a_square_millimetre(
+    told: dict[str, Any], rpm: float | None, teeth: int, names: list[str]
+) -> None:
+    """Nine tenths of the force across at the edges' speed, by k_c (Kienzle, chips of sqrt(0.1) of the feed a tooth) times the
+    feed; the middle of the targets whose feed is known."""
+    across, feed = np.array([100.0, 300, 200, 900, 500]), np.array([0.01, 0.02, 0.015, np.nan, 0.0])
+    power, sections = _cut(across, feed, CuttingFile(**told), rpm)
+    assert list(sections) == names
+    if not names:
+        assert power is None
+        return
+    speed = np.pi * 0.012 * 3000 / 60
+    assert power == pytest.approx(0.9 * 200 * speed)
+    for name, (specific, exponent) in (("aluminium", (735, 0.25)), ("steel", (1740, 0.23))):
+        if name in names:
+            areas = [0.9 * one * speed / (specific * (1e3 * v * 60 / 3000 / teeth * np.sqrt(0.1)) ** -exponent * v)
+                     for one, v in ((100, 0.01), (300, 0.02), (200, 0.015))]
+            assert sections[name] == pytest.approx(np.median(areas))
+    assert _cut(across[3:], feed[3:], CuttingFile(**told), rpm) == (None, {})
+
+
+def test_what_is_taken_as_given_is_said_in_a_line_each() -> None:
+    given = TakenAsGiven("an arm", "cuts at x 1 to 2", 123.4, 812.0, {"aluminium": 2.34, "copper_alloy": 1.06}, "the seat",
+                         "on average 3 N, as in climb milling")
+    cut = ("123 N across the tool in the middle, as a cut of 2.3 mm2 in aluminium or 1.1 mm2 in copper alloy takes (depth x "
+           "width, within a factor of 2.5), 0.81 kW at the edges")
+    words = ["robot: an arm", "part: cuts at x 1 to 2", f"cut: {cut}", "force on the tool: on average 3 N, as in climb milling",
+             "taken as exact, as cell.yaml says nothing of it: the seat"]
+    assert given.words == words
+    assert given.lines() == ["taken as given, compare:", *(f"  {one}" for one in words)]
+    unknown = replace(given, power=None, sections={}, direction="", unstated="")
+    assert unknown.words[2:] == ["cut: 123 N across the tool in the middle (cutting.material and tool_diameter_mm in "
+                                 "cell.yaml, a spindle speed: then what cut that is)"]
+    assert replace(unknown, of_stock="from the stock").words[2:] == ["cut: from the stock"]
+    assert replace(unknown, force=0.0).words[2:] == []
+    assert replace(given, place="").lines() == []
+
+
+@pytest.mark.parametrize(("serial", "source", "robot_words"), [
+    (None, None, "arm, no serial_number in cell.yaml: those of another robot of this type would not be noticed"),
+    ("A1", "stiff.json", "arm, serial number A1, stiffnesses from stiff.json"),
+    (None, "stiff.json", "arm, no serial_number in cell.yaml, stiffnesses from stiff.json: those of another robot of this type "
+     "would not be noticed")])
+def test_where_the_program_cuts_and_by_which_robot_is_said(serial: str | None, source: str | None, robot_words: str) -> None:
+    """In whole millimetres around all of its targets with force; of predicted forces without their size."""
+    job = planned([[30, 40, -50]] * 3 + [[0, 0, 0]], [0.2, 1.0, 2.7, 9.0], [[0, 0, 0]] * 3)
+    job.path.cell = SimpleNamespace(
+        robot=SimpleNamespace(name="arm", serial_number=serial), cutting=CuttingFile(), accuracy=None,
+        force_log=SimpleNamespace(form=SimpleNamespace(spindle_rpm=None, mounting_std_deg=None)))
+    job.path.toolpath.feed = np.full(4, 0.01)
+    job.path.base_from_tcp.position[:, 2] = 0.7004
+    job.path.toolpath.by_joints = np.zeros(4, dtype=bool)
+    job.path.steps = np.diff(job.path.base_from_tcp.position, axis=0, prepend=0.0)
+    loaded: Any = SimpleNamespace(path=job.path, targets=job.targets, forces=job.forces, learned=None,
+                                  model=SimpleNamespace(source=None if source is None else Path(source)))
+    job.forces.unknown = np.zeros((4, 3, 3))
+    found = taken_as_given(loaded, Settings())
+    assert (found.robot, found.place) == (robot_words, "cuts at x 0 to 3, y 0 to 0, z 700 to 701 mm from the robot's base")
+    assert (found.force, found.direction, found.unstated) == (0.0, "", "where the robot stands without load (accuracy)")
+    job.forces.unknown = None
+    found = taken_as_given(loaded, Settings())
+    assert found.force == pytest.approx(50.0)
+    assert found.unstated == ("how the force sensor is turned (force_log.mounting_std_deg), where the robot stands without "
+                              "load (accuracy)")
+    loaded.targets = np.arange(0)
+    assert taken_as_given(loaded, Settings()).lines() == []

@@ -79,24 +79,30 @@ def test_what_is_known_before_is_how_far_forces_scatter() -> None:
     assert scatter < 1.03 * found.before
 
 
-def test_what_is_known_after_is_what_the_cut_adds_to_it() -> None:
-    """By the sum of what both tell (the inverse covariances), of no cut is less known than is said of the worst, and another
-    cut than the chosen one would leave more unknown."""
-    mean, covariance = coefficients_of("aluminium", 1e-4)
+def most_telling(mean: np.ndarray, covariance: np.ndarray, depth: float, noise: float) -> tuple[OneCut, float]:
+    """Of slots and shoulders of FLAT, chips about 0.1 mm, the one behind which the worst known is known best, and how well."""
     cuts = [OneCut(width, climb, factor * 1e-4) for width in (0.1, 0.5, 1.0) for climb in (True, False)
             for factor in (0.5, 1.0, 2.0) if climb or width < 1]
-    matrices = [cut.weight(FLAT, 4e-3) for cut in cuts]
+    matrices = [cut.weight(FLAT, depth) for cut in cuts]
     # In shares of what is known: coefficients of chips and of edges are ten powers of ten apart.
     root = np.diag(np.sqrt(np.diag(covariance)))
     known = np.linalg.inv(np.linalg.inv(root) @ covariance @ np.linalg.inv(root))
 
     def worst_after(matrix: np.ndarray) -> float:
-        left = root @ np.linalg.inv(known + root @ matrix.T @ matrix @ root / 5.0**2) @ root
+        left = root @ np.linalg.inv(known + root @ matrix.T @ matrix @ root / noise**2) @ root
         return max(float(np.sqrt(np.trace(one @ left @ one.T)) / np.linalg.norm(one @ mean)) for one in matrices)
 
-    found, after = next_cut(mean, covariance, FLAT, 4e-3, 1e-4, 5.0), [worst_after(matrix) for matrix in matrices]
-    assert found.after == pytest.approx(min(after), rel=1e-6)
-    assert replace(found, before=0.0, after=0.0) == cuts[int(np.argmin(after))]
+    after = [worst_after(matrix) for matrix in matrices]
+    return cuts[int(np.argmin(after))], min(after)
+
+
+def test_what_is_known_after_is_what_the_cut_adds_to_it() -> None:
+    """By the sum of what both tell (the inverse covariances), of no cut is less known than is said of the worst, and another
+    cut than the chosen one would leave more unknown."""
+    mean, covariance = coefficients_of("aluminium", 1e-4)
+    found, (cut, after) = next_cut(mean, covariance, FLAT, 4e-3, 1e-4, 5.0), most_telling(mean, covariance, 4e-3, 5.0)
+    assert found.after == pytest.approx(after, rel=1e-6)
+    assert replace(found, before=0.0, after=0.0) == cut
 
 
 @pytest.mark.parametrize(("mean", "aside", "used", "said"), [
@@ -175,16 +181,23 @@ def test_no_force_is_taken_from_a_stock_where_the_spindle_turns_counterclockwise
     assert (stopped.value.findings[0].code, stopped.value.findings[0].line) == ("CS4744", 7)
 
 
-def test_the_table_s_chip_is_that_of_the_feed_in_the_cut(tmp_path: Path) -> None:
+@pytest.mark.parametrize("contact_mm", [None, 3.0])
+def test_the_table_s_chip_is_that_of_the_feed_in_the_cut(tmp_path: Path, contact_mm: float | None) -> None:
     """45 mm/s at 9000 a minute and three teeth: 0.1 mm a tooth, however many moves in air are ten times as fast, and however
-    many state no feed."""
+    many state no feed. A cut that would tell more is as deep as the stated contact, or 1 mm; half a newton is not seen."""
+    contact = "" if contact_mm is None else f", contact_mm: {contact_mm}"
     cell = read_cell(write_cell(tmp_path, CELL + "force_log: {spindle_rpm: 9000}\n"
-                                "cutting: {tool_diameter_mm: 16, teeth: 3, material: aluminium}\n"))
+                                f"cutting: {{tool_diameter_mm: 16, teeth: 3, material: aluminium{contact}}}\n"))
     feed, air = np.array([0.45] * 6 + [0.045] * 3 + [np.nan] * 4), np.arange(13) < 6
     program: Any = SimpleNamespace(toolpath=SimpleNamespace(feed=feed, by_joints=np.zeros(13, bool), cutters=(),
                                                             source="part.mod"), air=air, source=None)
-    found = table_coefficients(cell, program).coefficients
+    fitted = table_coefficients(cell, program)
+    found, further = fitted.coefficients, fitted.further
     mean, covariance = coefficients_of("aluminium", 1e-4)
+    cut, after = most_telling(mean, covariance, 1e-3 * (contact_mm or 1.0), 0.5)
+    assert further is not None
+    assert replace(further, before=0.0, after=0.0) == replace(cut, chip=pytest.approx(cut.chip))
+    assert further.after == pytest.approx(after, rel=1e-6)
     np.testing.assert_allclose(found.mean, mean, rtol=1e-12)
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-12)
     assert found.model_error == 0.05        # of the force at a place, beside the coefficients
