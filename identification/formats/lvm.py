@@ -40,11 +40,12 @@ GAP = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """One block: names of its channels, their stated units ("" where none is), time (n, c) [s], values (n, c)."""
+    """One block: names of its channels, their stated units ("" where none is), time (n, c), step (c,) [s], values (n, c)."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     time: Array
+    step: Array
     values: Array
 
 
@@ -70,6 +71,8 @@ def read_lvm(file: str | Path, channels: Sequence[str] = CHANNELS) -> ForceSampl
     time = np.concatenate([segment.time[:, place[0]] for segment in segments])
     if not len(time):
         raise error("CS0201", "has no row of data", file=name, hint="was the measurement stopped before it began?")
+    for segment in segments:
+        _at_once(segment, place, name)
     findings: list[Finding] = []
     scale = [_scale(segment, place, name, findings) for segment in segments]
     values = np.concatenate([segment.values[:, place] * each for segment, each in zip(segments, scale, strict=True)])
@@ -82,6 +85,18 @@ def read_lvm(file: str | Path, channels: Sequence[str] = CHANNELS) -> ForceSampl
                                     hint="blocks were not acquired without a break"))
     return ForceSamples(name, time - time[0], values[:, :3], values[:, 3:] if len(present) == 6 else None,
                         findings=tuple(findings))
+
+
+def _at_once(segment: Segment, place: list[int], name: str) -> None:
+    """Refuses channels that were not taken at the times of the first of them, to half a sample (CS0201)."""
+    if not len(segment.time):
+        return
+    apart = np.abs(segment.time[:, place] - segment.time[:, place[:1]]).max(axis=0)
+    worst = int(np.argmax(apart))
+    if apart[worst] > 0.5 * segment.step[place[0]]:
+        raise error("CS0201", f"channel {segment.names[place[worst]]} was not taken at the times of {segment.names[place[0]]}, "
+                    f"by X0 and Delta_X: up to {apart[worst]:.4g} s apart", file=name,
+                    hint="log the channels of the force with one clock, or give them as CSV, each row at one time")
 
 
 def _scale(segment: Segment, place: list[int], name: str, findings: list[Finding]) -> Array:
@@ -176,7 +191,8 @@ def _segment(
     rows = np.arange(len(values))[:, None]
     stated = next((line.split(separator)[1:] for line in lines[start:end] if line.startswith("Y_Unit_Label")), [])
     units = tuple(stated[k].strip() if k < len(stated) else "" for k in range(count))
-    return Segment(tuple(titles[k] for k in columns), units, np.array(offsets) + rows * np.array(steps), values)
+    step = np.array(steps)
+    return Segment(tuple(titles[k] for k in columns), units, np.array(offsets) + rows * step, step, values)
 
 
 def _numbers(body: list[str], columns: list[int], separator: str, decimal: str, name: str, first: int) -> Array:

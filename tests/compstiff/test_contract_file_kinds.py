@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,24 @@ def test_a_table_of_no_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CompstiffError) as caught:
         kind_of(tmp_path / "other.csv", ForceLogFile())
     assert caught.value.findings[0].code == "CS0110"
+
+
+def test_a_suffix_that_is_not_read_is_told_with_those_that_are(tmp_path: Path) -> None:
+    (tmp_path / "log.tdms").write_text("")
+    with pytest.raises(CompstiffError) as caught:
+        kind_of(tmp_path / "log.tdms", ForceLogFile())
+    (said,) = caught.value.findings
+    told = re.fullmatch(r"'\.tdms' is no suffix that is read, expected one of (.+)", said.message)
+    assert said.code == "CS0110" and told
+    suffixes = told[1].split(", ")
+    assert {".csv", ".xlsx", ".parquet", ".pq", ".mod", ".apt", ".yaml", ".yml", ".json", ".mat", ".lvm"} <= {*suffixes}
+    assert len(suffixes) == len({*suffixes})
+    for suffix in suffixes:
+        file = tmp_path / f"none{suffix}"
+        try:
+            kind_of(file, ForceLogFile())
+        except CompstiffError as stopped:
+            assert [one.code for one in stopped.findings] != ["CS0110"], file
 
 
 @pytest.mark.parametrize(("name", "content", "kind"), [
