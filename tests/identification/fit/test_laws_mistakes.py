@@ -359,8 +359,8 @@ def test_a_mistake_in_a_part_is_as_likely_as_the_table_mended_there(data: LoadTe
 
 
 def test_a_column_that_one_row_alone_has_is_no_mistake_of_a_part(data: LoadTest) -> None:
-    """A reading written a tenth as large, of the only row of the last visit that pushes along its axis, is that row's slip: not a
-    force in another unit in all of them. Of two such rows it may be either."""
+    """A reading written a tenth as large, of the only row of the last visit that pushes along its axis, is that row's slip,
+    and no force in another unit in all of them. Of two such rows it may be either."""
     axis = int(np.argmax(np.abs(data.rows.wrench[-1, :3])))
     last = data.rows.visit == data.rows.visit[-1]
     along = np.flatnonzero(last & (data.rows.wrench[:, axis] != 0))

@@ -122,7 +122,7 @@ def test_lvm_channels_of_other_times_are_no_force(tmp_path: Path) -> None:
     """X0 and Delta_X are given a channel: half a sample apart is at once."""
     path, text = tmp_path / "a.lvm", lvm([(0.0, VALUES[:20, :4])])
     x0, step = "X0" + "\t0.000000E+00" * 4, "Delta_X" + "\t0.000100" * 4
-    for old, new, apart in ((x0, "X0\t0.0\t0.0\t4.9E-5\t1.0", 0), (x0, "X0\t0.0\t0.0\t-6E-5\t0.0", 6e-5), 
+    for old, new, apart in ((x0, "X0\t0.0\t0.0\t4.9E-5\t1.0", 0), (x0, "X0\t0.0\t0.0\t-6E-5\t0.0", 6e-5),
                             (step, "Delta_X\t1e-4\t1e-4\t9.7e-5\t1e-4", 19 * 3e-6),
                             (step, "Delta_X\t1e-4\t1e-4\t9.8e-5\t1e-4", 0)):
         assert old in text
