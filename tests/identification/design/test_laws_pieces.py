@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise, permutations
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +13,8 @@ from numpy.testing import assert_allclose
 
 from identification.common.findings import CompstiffError
 from identification.design import forecast as forecasts
+from identification.design.certificate import Certificate, _Bounds, bound_over, splits_of
+from identification.design.criteria import d_criterion
 from identification.design.dead_weights import DeadWeights, check_payload
 from identification.design.domain import Pool
 from identification.design.forecast import Forecast, joint_forecasts, spread
@@ -20,6 +23,7 @@ from identification.design.loads import CYCLE, FREE, slot, weight_slot
 from identification.design.order import imbalance, load_axes, run_order, travel
 from identification.design.program import _load, _weights, approaches
 from identification.design.sheet import as_measurements, sheet_of, sheet_text
+from identification.design.task import Demand, Task, free_demand
 from identification.design.unseen import across
 from identification.model.cell import read_cell
 from identification.model.inverse import inverse, nearest_solution
@@ -249,3 +253,77 @@ def test_a_prompt_of_many_weights_is_cut_to_what_hangs():
     sheet = sheet_of(pool_of([0]), (hung,), np.arange(1), 1, np.zeros(1, dtype=bool), "P")
     assert _weights(sheet, "P01", 1) == "P01: hang on 2.5 + 5 kg. Still for 60 s"
     assert _weights(sheet, "P01", 2) == "P01: change to 75.25 kg in all. Still for 20 s"
+
+
+def certificate_of(value: float, splits: int, starts: int) -> Certificate:
+    """Bound 10, with fractions of runs 12; a pool alone would claim 93 %."""
+    none = pool_of([], np.zeros((0, 6)))
+    return Certificate(value / 10, 10.0, value, 9.5, 12.0, 0.93, starts, 3, splits, none, np.empty(0), 0.2, none)
+
+
+def test_a_certificate_says_what_it_holds_and_on_what_condition():
+    """Shares are rounded down: no plan is said to be better than it is."""
+    whole, fractions = certificate_of(8.9999, 2, 48), certificate_of(9.0, 1, 1)
+    before = "efficient against every plan with as many runs and the same loads and place, over continuous poses"
+    assert whole.sentence == (
+        f"at least 89.9 % {before} (equivalence theorem, poses as fractions, runs an axis as whole numbers; 74.9 % with "
+        "fractions of these too; its maxima were searched from 48 starts, not proved)")
+    assert fractions.sentence == (
+        f"at least 90.0 % {before} (equivalence theorem, poses as fractions; its maxima were searched from 1 start, not proved)")
+    assert fractions.as_dict() == {
+        "efficiency": 0.9, "words": fractions.sentence, "value": 9.0, "bound": 10.0, "gap": 0.2, "starts": 1, "rounds": 3,
+        "relaxed_bound": 12.0, "splits": 1, "pool_only_claim": 0.93}
+
+
+@pytest.mark.parametrize(("value", "efficiency", "bound", "relaxed", "claim"), [
+    (8.0, 0.8, 10, 12, 0.93 * 8 / 9), (9.5, 0.95, 10, 12, 0.93 * 9.5 / 9), (9.9, 0.99, 10, 12, 1.0), (11.0, 1.0, 11, 12, 1.0),
+    (13.0, 1.0, 13, 13, 1.0)])
+def test_of_another_plan_the_same_bound_holds_or_that_plan_itself(value, efficiency, bound, relaxed, claim):
+    other = certificate_of(9.0, 2, 48).of_plan(value)
+    assert (other.value, other.bound, other.relaxed) == (value, bound, relaxed)
+    assert (other.efficiency, other.pool_efficiency) == pytest.approx((efficiency, claim))
+    assert (other.optimum, other.starts, other.splits) == (9.5, 48, 2)
+
+
+@pytest.mark.parametrize(("slots", "runs", "count"), [
+    ([2], [1999], 2000), ([2], [2000], None), ([3], [61], 1953), ([3], [62], None), ([3, 3], [8, 7], 45 * 36),
+    ([3, 3], [8, 8], None), ([1, 1], [5, 4], 1)])
+def test_up_to_two_thousand_numbers_of_runs_a_slot_are_told_apart(slots, runs, count):
+    found = splits_of(Demand(np.repeat(np.arange(len(slots)), slots), np.repeat(np.arange(len(runs)), runs)))
+    if count is None:
+        assert found is None
+        return
+    assert found is not None
+    assert found.shape == (count, sum(slots)) == np.unique(found, axis=0).shape
+    for group, wanted in enumerate(runs):
+        assert (found[:, np.repeat(np.arange(len(slots)), slots) == group].sum(axis=1) == wanted).all()
+
+
+def test_a_bound_is_the_best_run_of_each_slot_as_often_as_it_is_taken():
+    """By loops over runs, slots and tangents, each run visited twice; a split's bound is its smallest, and with fractions the
+    best slot of a group stands for all its runs."""
+    rng = np.random.default_rng(3)
+    roots = rng.normal(size=(14, 6, 6))
+    told = roots @ np.swapaxes(roots, 1, 2)
+    slots = np.array([0, 1, 0, 1, 1, 0, 0, 1])
+    runs = replace(pool_of(slots.tolist(), np.zeros((8, 6))), information=told[:8])
+    tangents, prior = told[8:11], told[11]
+    nowhere: Any = None
+    task = Task(nowhere, d_criterion(), prior, free_demand(2, 3), 2)
+    splits = splits_of(task.demand)
+    assert splits is not None
+    bounds = _Bounds(task, splits)
+    bounds.add(tangents[0], runs.take(np.arange(4)))
+    bounds.add(tangents[1], runs.take(np.arange(4)))
+    bounds.see(runs.take(np.arange(4, 8)))
+    bounds.add(tangents[2], runs)
+    best = np.array([[max(np.sum(one * told[k]) for k in range(8) if slots[k] == s) for s in (0, 1)] for one in tangents])
+    wanted = np.array([[np.sum(one * prior) + 2 * (n[0] * b[0] + n[1] * b[1]) for n in splits]
+                       for one, b in zip(tangents, best, strict=True)])
+    assert_allclose(bounds.table, wanted)
+    assert_allclose(bounds.of_splits, wanted.min(axis=0))
+    for one, b in zip(tangents, best, strict=True):
+        assert bound_over(task, one, runs) == pytest.approx(np.sum(one * prior) + 2 * 3 * b.max())
+    paper = replace(task, demand=Demand(np.array([0, 1]), np.array([0, 0, 1])))
+    assert bound_over(paper, tangents[0], runs) == pytest.approx(
+        np.sum(tangents[0] * prior) + 2 * (2 * best[0, 0] + best[0, 1]))
