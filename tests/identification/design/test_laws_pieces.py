@@ -269,7 +269,8 @@ def test_a_certificate_says_what_it_holds_and_on_what_condition():
         f"at least 89.9 % {before} (equivalence theorem, poses as fractions, runs an axis as whole numbers; 74.9 % with "
         "fractions of these too; its maxima were searched from 48 starts, not proved)")
     assert fractions.sentence == (
-        f"at least 90.0 % {before} (equivalence theorem, poses as fractions; its maxima were searched from 1 start, not proved)")
+        f"at least 90.0 % {before} (equivalence theorem, poses as fractions; its maxima were searched from 1 start, not "
+        "proved)")
     assert fractions.as_dict() == {
         "efficiency": 0.9, "words": fractions.sentence, "value": 9.0, "bound": 10.0, "gap": 0.2, "starts": 1, "rounds": 3,
         "relaxed_bound": 12.0, "splits": 1, "pool_only_claim": 0.93}
