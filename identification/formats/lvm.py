@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from identification.common.findings import CompstiffError, Finding, counted, error
+from identification.common.findings import Finding, counted, error
 from identification.common.sizes import LARGEST_CELL
 from identification.formats.force_samples import ForceSamples
 
@@ -186,8 +186,8 @@ def _segment(
     if len(titles) <= columns[-1]:
         raise error("CS0201", f"the line of column names has {len(titles)} cells, expected {columns[-1] + 1} or more",
                     file=name, line=end + 2)
-    body = [line for line in lines[end + 2: stop] if line.strip()]
-    values = _numbers(body, columns, separator, decimal, name, end + 3)
+    body = [k for k in range(end + 2, stop) if lines[k].strip()]
+    values = _numbers([lines[k] for k in body], columns, separator, decimal, name, [k + 1 for k in body])
     rows = np.arange(len(values))[:, None]
     stated = next((line.split(separator)[1:] for line in lines[start:end] if line.startswith("Y_Unit_Label")), [])
     units = tuple(stated[k].strip() if k < len(stated) else "" for k in range(count))
@@ -195,7 +195,8 @@ def _segment(
     return Segment(tuple(titles[k] for k in columns), units, np.array(offsets) + rows * step, step, values)
 
 
-def _numbers(body: list[str], columns: list[int], separator: str, decimal: str, name: str, first: int) -> Array:
+def _numbers(body: list[str], columns: list[int], separator: str, decimal: str, name: str, line: list[int]) -> Array:
+    """The columns (n, c) of rows of text that stand on these lines."""
     if not body:
         return np.empty((0, len(columns)))
     wide = "\n".join(separator.join(line.split(separator)[: columns[-1] + 1]) for line in body)
@@ -203,14 +204,11 @@ def _numbers(body: list[str], columns: list[int], separator: str, decimal: str, 
         frame = pd.read_csv(io.StringIO(wide), sep=separator, header=None, decimal=decimal, quoting=csv.QUOTE_NONE,
                             low_memory=False, names=range(columns[-1] + 1))
     except pd.errors.ParserError as reason:
-        raise error("CS0201", f"a block is not a table: {reason}", file=name, line=first) from reason
+        raise error("CS0201", f"a block is not a table: {reason}", file=name, line=line[0]) from reason
     numbers = frame.reindex(columns=columns).apply(pd.to_numeric, errors="coerce")
     values = np.asarray(numbers.to_numpy(dtype=float), dtype=float)
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
-        raise _not_a_number(name, first + int(bad[0][0]), columns[int(bad[0][1])] + 1)
+        raise error("CS0203", "expected a finite number", file=name, line=line[int(bad[0][0])],
+                    column=columns[int(bad[0][1])] + 1)
     return values
-
-
-def _not_a_number(name: str, line: int, column: int) -> CompstiffError:
-    return error("CS0203", "expected a finite number", file=name, line=line, column=column)

@@ -200,6 +200,10 @@ def test_lvm_complaints(tmp_path: Path) -> None:
     path.write_text(lvm([(0.0, VALUES[:5, :3])]).replace(f"{VALUES[2, 1]:.4f}", "x"))
     with pytest.raises(CompstiffError, match=r"a.lvm:21:3: error CS0203"):
         read_lvm(path)
+    path.write_text(lvm([(0.0, VALUES[:5, :3])]).replace(f"{VALUES[2, 1]:.4f}", "x").replace(
+        f"\r\n\t{VALUES[1, 0]:.4f}", f"\r\n\r\n\r\n\t{VALUES[1, 0]:.4f}"))
+    with pytest.raises(CompstiffError, match=r"a.lvm:23:3: error CS0203"):      # two empty lines above it
+        read_lvm(path)
     path.write_text(lvm([(0.0, VALUES[:0, :3])]))
     with pytest.raises(CompstiffError, match=r"a.lvm: error CS0201: has no row of data"):
         read_lvm(path)
