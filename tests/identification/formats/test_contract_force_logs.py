@@ -207,6 +207,12 @@ def test_lvm_complaints(tmp_path: Path) -> None:
     path.write_text(lvm([(0.0, VALUES[:0, :3])]))
     with pytest.raises(CompstiffError, match=r"a.lvm: error CS0201: has no row of data"):
         read_lvm(path)
+    path.write_text(lvm([]))
+    with pytest.raises(CompstiffError, match=r"a.lvm:10: error CS0201: has a header and no block of data"):
+        read_lvm(path)
+    path.write_text("LabVIEW Measurement\t\nSeparator\tTab\nChannels\t3\n")
+    with pytest.raises(CompstiffError, match=r"a.lvm:3: error CS0201: has no \*\*\*End_of_Header"):
+        read_lvm(path)
 
 
 def test_lvm_blocks_that_are_not_alike(tmp_path: Path) -> None:
