@@ -42,6 +42,30 @@ def test_points_stand_where_the_axes_say() -> None:
     assert [one[0].text for one in picture.iter("circle")] == list("abc")
 
 
+def test_each_number_of_an_axis_stands_at_its_mark() -> None:
+    """Of the upright axis left of where the marks begin, of the other below where they end; marks run through the chart."""
+    picture = shown(Panel([Line("l", [0.0, 1.0], [-3.0, 5.0])], Axis("place [mm]"), Axis("y [um]")))
+
+    def drawn(form: str) -> list[tuple[float, ...]]:
+        found = (re.fullmatch(form, one.get("d", "")) for one in picture.iter("path"))
+        return sorted(tuple(map(float, one.groups())) for one in found if one)
+
+    number, texts = r"([-\d.]+)", [one for one in picture.iter("text") if re.fullmatch(r"[−\d.]+", one.text or "")]
+    places = {anchor: sorted((float(one.get("x")), float(one.get("y"))) for one in texts if one.get("text-anchor") == anchor)
+              for anchor in ("end", "middle")}
+    axis, = (one.get("d", "") for one in picture.iter("path") if one.get("class") == "axis")
+    left, bottom, right = map(float, re.findall(number, axis))
+    across = [mark for mark in drawn(f"M{number} {number}H{number}") if mark[1] != bottom]
+    upright = drawn(f"M{number} {number}V{number}")
+    assert len(across) > 2
+    assert len(upright) > 2
+    assert [(x, end) for x, _, end in across] == [(left, right)] * len(across)
+    np.testing.assert_allclose(places["end"], [(left - 6, y + 4) for _, y, _ in across], atol=0.051)
+    assert {end for _, _, end in upright} == {bottom}
+    assert len({top for _, top, _ in upright}) == 1
+    np.testing.assert_allclose(places["middle"], [(x, bottom + 17) for x, _, _ in upright], atol=0.051)
+
+
 def test_words_below_a_chart_stand_in_it_and_clear_of_each_other() -> None:
     """The marks' numbers and the axis' title, whose baselines are a line of print apart."""
     picture = shown(Panel([Line("l", [0.0, 1.0], [0.0, 1.0])], Axis("place [mm]"), Axis("y [um]")))
