@@ -152,6 +152,28 @@ def test_numbers_of_runs_a_slot():
     assert splits_of(free_demand(6, 40)) is None
 
 
+@pytest.mark.parametrize(("demand", "splits"), [
+    (free_demand(3, 62), 0), (Demand(np.zeros(3, dtype=int), np.zeros(1, dtype=int)), 3),
+    (Demand(np.arange(3), np.array([0, 0, 1, 2])), 1)])
+def test_a_certificate_says_how_many_numbers_of_runs_a_slot_it_told_apart(domain, pool, prior, demand, splits):
+    """0 where they are too many. With a wide gap it holds all the same: it is then one of a short search."""
+    slots = [np.flatnonzero(demand.groups[pool.slot] == group) for group in demand.wanted]
+    plan = pool.take(np.array([rows[7 * k] for k, rows in enumerate(slots)]))
+    task = Task(domain, d_criterion(), prior, demand)
+    found = certify(task, plan, pool.take(np.arange(30)), np.random.default_rng(2), starts=1, gap=20.0)
+    assert found.splits == splits
+    assert found.starts == demand.counts.size
+    assert found.rounds == 1
+    assert found.value == pytest.approx(task.value(plan))
+    assert found.efficiency == pytest.approx(found.value / found.bound)
+    assert found.value <= found.bound <= found.relaxed
+    assert found.gap == pytest.approx(found.relaxed / found.optimum - 1)
+    assert (found.weights > 1e-7).all()
+    assert np.bincount(task.group(found.support), found.weights) == pytest.approx(np.ones(demand.counts.size), abs=1e-4)
+    assert found.optimum == pytest.approx(float(d_criterion().value(
+        task.approximate_information(found.support, found.weights))), rel=1e-4)
+
+
 def test_better_than_random_plans(plan, prior):
     """The measured gain: three runs drawn at random from the admissible ones have half of it in the median, or less."""
     rng = np.random.default_rng(8)
