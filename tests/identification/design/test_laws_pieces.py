@@ -20,6 +20,7 @@ from identification.design.domain import Pool
 from identification.design.forecast import Forecast, joint_forecasts, spread
 from identification.design.kept_back import distances, kept_back
 from identification.design.loads import CYCLE, FREE, slot, weight_slot
+from identification.design.milling import assumed_force
 from identification.design.order import imbalance, load_axes, run_order, travel
 from identification.design.program import _load, _weights, approaches
 from identification.design.sheet import as_measurements, sheet_of, sheet_text
@@ -90,14 +91,14 @@ def test_a_sheet_of_lines_of_their_own_says_where_they_point():
 
 def test_a_sheet_of_weights_says_what_to_hang_and_is_never_turned_round():
     hung = weight_slot(DeadWeights.of("20,40,20+40"), "cycle", FALL)
-    sheet = sheet_of(pool_of([0, 0, 0]), (hung,), np.arange(2), 1, np.zeros(3, dtype=bool), "P")
-    assert_allclose(sheet.force, np.round(np.outer([0, 20, 40, 60, 40, 0] * 2, FALL), 2))
+    sheet = sheet_of(pool_of([0, 0, 0]), (hung,), np.arange(3), 1, np.zeros(3, dtype=bool), "P")
+    assert_allclose(sheet.force, np.round(np.outer([0, 20, 40, 60, 40, 0] * 3, FALL), 2))
     assert sheet.masses(1) == [0, 20, 40, 60, 40, 0]
     assert sheet.along(0) == "hung 20 40 60 40 kg"
     assert [sheet.handling(row) for row in range(7)] == [
         "no weights", "hang on 20 kg", "take off 20 kg, then hang on 40 kg", "hang on 20 kg", "take off 20 kg",
         "take off 40 kg", "no weights"]
-    assert sheet.lifted_kg == 2 * (20 + 60 + 20 + 20 + 40)
+    assert sheet.lifted_kg == 3 * (20 + 60 + 20 + 20 + 40)
     # Carried for 40 s, still after 20 s and a minute.
     assert sheet.time[:7].tolist() == [60, 160, 220, 320, 380, 480, 660]
     assert sheet.visits_as_dicts()[0]["mass_kg"] == [0, 20, 40, 60, 40, 0]
@@ -328,3 +329,11 @@ def test_a_bound_is_the_best_run_of_each_slot_as_often_as_it_is_taken():
     paper = replace(task, demand=Demand(np.array([0, 1]), np.array([0, 0, 1])))
     assert bound_over(paper, tangents[0], runs) == pytest.approx(
         np.sum(tangents[0] * prior) + 2 * (2 * best[0, 0] + best[0, 1]))
+
+
+def test_a_load_goes_up_in_thirds_and_through_zero_to_the_other_side():
+    """Half of it there, and all; or on and off. Without a log a cutting force is 100 N along each axis."""
+    assert slot("y", "cycle", 300.0).forces[:, 1] == pytest.approx([0, 100, 200, 300, 0, -150, -300])
+    assert slot("y", "single", 300.0).forces[:, 1] == pytest.approx([0, 300])
+    assert not slot("y", "cycle", 300.0).forces[:, [0, 2]].any()
+    assert_allclose(assumed_force(), np.diag([1e4, 1e4, 1e4]))

@@ -34,8 +34,8 @@ def program(cell: Cell) -> MillingPoses:
     ({}, True, [[1.1, 0.1, 0.8]], None, "TCP at (1100, 100, 800) mm in the base frame, the middle of the program"),
     ({"positions_mm": ((1000.0, 10.0, 800.0), (1200.5, -5.0, 900.0))}, True, [[1, 0.01, 0.8], [1.2005, -0.005, 0.9]], None,
      "TCP at (1000, 10, 800), (1200.5, -5, 900) mm in the base frame"),
-    ({"box_mm": (1100.0, -100.0, 900.0, 900.0, 100.0, 700.0)}, False, None, [[0.9, -0.1, 0.7], [1.1, 0.1, 0.9]],
-     "TCP anywhere in the box (900, -100, 700) to (1100, 100, 900) mm")])
+    ({"box_mm": (1100.06, -100.0, 900.0, 900.0, 100.0, 700.04)}, False, None, [[0.9, -0.1, 0.70004], [1.10006, 0.1, 0.9]],
+     "TCP anywhere in the box (900, -100, 700) to (1100.1, 100, 900) mm")])
 def test_the_tool_stands_where_it_is_asked_to_or_in_front_of_the_robot_or_where_it_mills(
     cell: Cell, program: MillingPoses, asked: dict[str, Any], with_program: bool, positions: list[list[float]] | None,
     box: list[list[float]] | None, words: str,
