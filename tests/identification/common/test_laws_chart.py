@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identification.common.chart import Axis, Band, Bars, Cells, Figure, Line, Panel, Points, Rule
-from identification.common.chart_numbers import MOST_ROWS, chart_numbers
+from identification.common.chart_numbers import chart_numbers
 from identification.common.chart_svg import NARROW, WIDE, draw, extremes, legend, log_ticks, number, numbers, ticks
 from identification.common.report import FILES
 
@@ -219,11 +219,16 @@ def test_numbers_of_marks_with_intervals() -> None:
 
 
 def test_no_numbers_of_clouds_long_lines_and_series_over_other_places() -> None:
-    def of(*series: Line | Points) -> object:
+    def of(*series: Line | Points) -> tuple[list[str], list[list[str]]] | None:
         return chart_numbers(Figure("f", "", [Panel(list(series), Axis("x"), Axis("y"))]))
 
-    many = np.arange(MOST_ROWS + 1.0)
+    many = np.arange(101.0)
     assert of(Line("l", many, many)) is None
+    _, rows = of(Line("l", many[1:], many[1:])) or ([], [])
+    assert rows[-1] == ["100", "100"]
+    for count in (100, 101):
+        bars = Panel([Bars("b", np.ones(count))], Axis(categories=[f"c{k}" for k in range(count)]))
+        assert (chart_numbers(Figure("f", "", [bars])) is None) == (count == 101)
     assert of(Points("a", [1, 2], [3, 4]), Points("b", [1, 3], [3, 4])) is None
     assert chart_numbers(Figure("f", "", [Panel([Cells(np.eye(2))], Axis(categories="ab"), Axis(categories="ab"))])) is None
     # A line through its own marks is told once, with a gap in it too; two series that happen to be equal are told as two.
