@@ -505,3 +505,34 @@ def test_a_number_that_no_cell_has_is_refused_from_its_limit_on(tmp_path: Path, 
         read(file)
     said = stopped.value.findings[0]
     assert (said.code, said.line, said.column) == ("CS0203", 3, 2)
+
+
+def test_twenty_cells_at_fault_are_named_the_first_ones_first(tmp_path: Path, read) -> None:
+    file = tmp_path / "table.csv"
+    file.write_text("a_mm,b_mm\n" + "".join(f"1,{'x' if 3 <= k < 28 else k}\n" for k in range(40)))
+    with pytest.raises(CompstiffError) as stopped:
+        read(file)
+    assert [one.line for one in stopped.value.findings] == list(range(5, 25))
+    assert {(one.code, one.column) for one in stopped.value.findings} == {("CS0203", 2)}
+
+
+@pytest.mark.parametrize(("count", "more"), [(20, ""), (21, " and 1 more"), (23, " and 3 more")])
+def test_twenty_columns_that_stand_twice_are_named(tmp_path: Path, read, count: int, more: str) -> None:
+    file, names = tmp_path / "table.csv", [f"c{k:02d}" for k in range(count)]
+    file.write_text(",".join(["a_mm", "b_mm", *names, *names]) + "\n" + ",".join(["1"] * (2 * count + 2)) + "\n")
+    with pytest.raises(CompstiffError) as stopped:
+        read(file)
+    assert (stopped.value.findings[0].code, stopped.value.findings[0].message) == (
+        "CS0202", f"column twice: {', '.join(names[:20])}{more}")
+
+
+@pytest.mark.parametrize(("above", "found"), [(200, True), (201, False)])
+def test_two_hundred_lines_may_stand_above_the_numbers(tmp_path: Path, above: int, found: bool) -> None:
+    file = tmp_path / "table.csv"
+    file.write_text("a word\n" * above + "1,2\n3,4\n")
+    if found:
+        layout = read_layout(file, NAMES)
+        assert (layout.line, layout.skipped, layout.header_line) == (201, 199, 200)
+        return
+    with pytest.raises(CompstiffError, match="CS0201: no line of numbers was found"):
+        read_layout(file, NAMES)

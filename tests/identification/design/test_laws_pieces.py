@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 
 from identification.common.findings import CompstiffError
 from identification.design import forecast as forecasts
+from identification.design import unseen
 from identification.design.certificate import Certificate, _Bounds, bound_over, splits_of
 from identification.design.criteria import d_criterion
 from identification.design.dead_weights import DeadWeights, check_payload
@@ -337,3 +338,18 @@ def test_a_load_goes_up_in_thirds_and_through_zero_to_the_other_side():
     assert slot("y", "single", 300.0).forces[:, 1] == pytest.approx([0, 300])
     assert not slot("y", "cycle", 300.0).forces[:, [0, 2]].any()
     assert_allclose(assumed_force(), np.diag([1e4, 1e4, 1e4]))
+
+
+@pytest.mark.parametrize(("told", "seen"), [
+    ([1, 1, 1, 1, 1.9e-3, 2.1e-3], [0, 1, 2, 3, 5]), ([1, 1, 2.1e-3, 1, 1, 2.1e-3], None), ([1.9e-3] * 6, None),
+    ([0, 1, 1, 1, 1, 1], [1, 2, 3, 4, 5])])
+def test_what_no_plan_narrows_by_a_twentieth_of_a_per_cent_is_unseen(monkeypatch, told, seen):
+    """Two runs that tell a thousandth of the prior's precision between them, here of 4, narrow it so far; where everything is
+    seen, or nothing, there is no part of it to speak of."""
+    runs = replace(pool_of([0, 0], np.zeros((2, 6))), information=np.stack([np.diag(told), np.diag(told) / 2]))
+    monkeypatch.setattr(unseen, "random_pool", lambda *_: runs)
+    nowhere: Any = None
+    found = unseen.seen_by(nowhere, 4.0 * np.eye(6), 2, np.random.default_rng(0))
+    assert (found is None) == (seen is None)
+    if found is not None:
+        assert_allclose(found @ found.T, np.diag(np.isin(np.arange(6), seen).astype(float)), atol=1e-12)
