@@ -17,7 +17,7 @@ from identification.design import unseen
 from identification.design.certificate import Certificate, _Bounds, bound_over, splits_of
 from identification.design.criteria import d_criterion
 from identification.design.dead_weights import DeadWeights, check_payload
-from identification.design.domain import Pool
+from identification.design.domain import Pool, random_pool
 from identification.design.forecast import Forecast, joint_forecasts, spread
 from identification.design.kept_back import distances, kept_back
 from identification.design.loads import CYCLE, FREE, slot, weight_slot
@@ -215,24 +215,28 @@ def test_a_joint_s_grade_and_its_partner_are_those_of_the_covariance(cell, monke
     assert found[4].as_dict()["trades_off_with"] is None
 
 
-def test_a_retreat_is_up_or_back_with_the_tool_as_it_stands(domain, pool):
-    """The first of five that the arm reaches in the same configuration, no joint more than 45 degrees away."""
-    theta = pool.theta[:60]
+def test_a_retreat_is_up_or_back_with_the_tool_as_it_stands(domain):
+    """The first of five that the arm reaches in the same configuration, no joint more than 45 degrees away; high up all of them
+    are met."""
+    high = random_pool(replace(domain, positions=np.array([[1.0, 0.0, 1.6]])), 400, np.random.default_rng(4))
+    theta = np.unique(high.theta, axis=0)
     behind = approaches(domain, theta)
     found = np.isfinite(behind).all(axis=1)
     assert found.mean() > 0.8
+    count = len(theta)
     arm, tool = domain.rig.cell.robot, domain.rig.cell.flange_from_tcp
     here, there = forward(arm, theta, tool), forward(arm, behind[found], tool)
     assert_allclose(there.rotation, here.rotation[found], atol=1e-9)
     assert (arm.limit_excess(behind[found]) <= 0).all()
     assert np.abs(behind - theta)[found].max() < np.radians(45)
     level = here.position[:, :2] / np.linalg.norm(here.position[:, :2], axis=1, keepdims=True)
-    ways = [np.column_stack([out * level, np.full(60, up)]) for out, up in (
+    ways = [np.column_stack([out * level, np.full(count, up)]) for out, up in (
         (0, 0.15), (-0.1, 0.1), (-0.15, 0), (0, 0.05), (-0.05, 0))]
     off = np.array([np.linalg.norm(there.position - here.position[found] - way[found], axis=1) for way in ways])
     assert off.min(axis=0).max() < 1e-9
     taken = off.argmin(axis=0)
     assert np.mean(taken == 0) > 0.5
+    assert {*taken.tolist()} == {0, 1, 2, 3, 4}
     # None before it fits: not reached, beyond a limit, or turned too far.
     for number, (one, way) in enumerate(zip(np.flatnonzero(found), taken, strict=True)):
         for earlier in ways[:way]:
