@@ -22,7 +22,9 @@ FORMATS: dict[str, Kind] = {"compstiff-stiffness": "stiffness", "compstiff-learn
                             "compstiff-watch": "record", "compstiff-active": "record", "compstiff-cutting": "cutting"}
 # A YAML file with one of these says what a program starts from.
 OF_STOCK = {"box", "stl", "left_by"}
-# Every suffix that may be read: what a folder's other files are is not asked.
+# LabVIEW's, which a folder may hold beside what was converted from it: read where it is named.
+LVM = ".lvm"
+# Every other suffix that may be read: what a folder's other files are is not asked.
 SUFFIXES = (*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLES, ".yaml", ".yml", ".json", ".mat")
 LOG_NAME = ".forces."
 
@@ -44,9 +46,9 @@ def kind_of(file: Path, form: ForceLogFile, log_format: str | None = None) -> Ki
         return _of_json(file)
     if suffix in TABLES:
         return _of_table(file, form)
-    if suffix == ".lvm" or log_format is not None:
+    if suffix == LVM or log_format is not None:
         return "force log"
-    raise _unknown(file, f"'{suffix}' is no suffix that is read, expected one of {', '.join(SUFFIXES)}")
+    raise _unknown(file, f"'{suffix}' is no suffix that is read, expected one of {', '.join((*SUFFIXES, LVM))}")
 
 
 def _of_json(file: Path) -> Kind:

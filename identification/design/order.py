@@ -36,7 +36,7 @@ def imbalance(order: Indices, slot: Indices) -> float:
     place = np.empty(len(order))
     place[order] = np.arange(len(order)) - (len(order) - 1) / 2
     means = [abs(place[slot == s].mean()) for s in np.unique(slot)]
-    return float(max(means) / max(len(order) / 2, 1)) if len(means) > 1 else 0.0
+    return float(max(means) / (len(order) / 2)) if len(means) > 1 else 0.0
 
 
 def run_order(theta: Array, slot: Indices, speed: Array, rng: np.random.Generator) -> Indices:

@@ -182,10 +182,11 @@ def _certificate(design: Design) -> Figure:
     level = float(np.average(np.einsum("ij,nij->n", slope, support.information), weights=certificate.weights))
     order = np.argsort(-gain)
     rows = order[np.unique(np.geomspace(1, len(order), min(MOST_POINTS, len(order))).astype(int) - 1)]
-    plan = np.einsum("ij,nij->n", slope, design.runs.information) / level
+    plan = np.einsum("ij,nij->n", slope, design.runs.information)
     series: list[Series] = [
         Line("possible runs", 1 + np.searchsorted(-gain[order], -gain[rows]), gain[rows] / level, "possible", 3.0),
-        Points("this plan's runs", 1 + np.searchsorted(-gain[order], -plan * level), plan, "before", size=9)]
+        # One that is among the possible has the rank that it has there, whatever its last digit.
+        Points("this plan's runs", 1 + np.searchsorted(-gain[order], -plan * (1 + 1e-9)), plan / level, "before", size=9)]
     return Figure("The certificate", "Worth of every run that was looked at, the best first, in units of the runs of the "
                   "continuous optimum. No run above 1 means that no plan is better than that optimum (equivalence theorem).", [
                       Panel(series, Axis("rank of the run", log=True), Axis("worth of a run", from_zero=True))])

@@ -259,7 +259,8 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
             findings.append(Finding(
                 "CS1016", "warning", f"{conflict.part} and {conflict.rest} want different stiffnesses: Mahalanobis distance "
                 f"{conflict.distance:.1f} over {conflict.directions} directions (p = {conflict.corrected:.2g}), most in "
-                f"k{worst + 1}, by a factor {np.exp(conflict.difference[worst]):.2f}", file=source,
+                f"k{worst + 1}: by {conflict.part} {np.exp(conflict.difference[worst]):.2f} times as stiff as by "
+                f"{conflict.rest}", file=source,
                 hint="one set of linear springs does not explain both: compstiff diagnose looks for the cause"))
     return findings
 

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from identification.common.findings import CompstiffError, Finding, counted, error
+from identification.common.findings import Finding, counted, error
 from identification.common.sizes import LARGEST_CELL
 from identification.formats.force_samples import ForceSamples
 
@@ -40,11 +40,12 @@ GAP = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """One block: names of its channels, their stated units ("" where none is), time (n, c) [s], values (n, c)."""
+    """One block: names of its channels, their stated units ("" where none is), time (n, c), step (c,) [s], values (n, c)."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     time: Array
+    step: Array
     values: Array
 
 
@@ -70,6 +71,8 @@ def read_lvm(file: str | Path, channels: Sequence[str] = CHANNELS) -> ForceSampl
     time = np.concatenate([segment.time[:, place[0]] for segment in segments])
     if not len(time):
         raise error("CS0201", "has no row of data", file=name, hint="was the measurement stopped before it began?")
+    for segment in segments:
+        _at_once(segment, place, name)
     findings: list[Finding] = []
     scale = [_scale(segment, place, name, findings) for segment in segments]
     values = np.concatenate([segment.values[:, place] * each for segment, each in zip(segments, scale, strict=True)])
@@ -82,6 +85,18 @@ def read_lvm(file: str | Path, channels: Sequence[str] = CHANNELS) -> ForceSampl
                                     hint="blocks were not acquired without a break"))
     return ForceSamples(name, time - time[0], values[:, :3], values[:, 3:] if len(present) == 6 else None,
                         findings=tuple(findings))
+
+
+def _at_once(segment: Segment, place: list[int], name: str) -> None:
+    """Refuses channels that were not taken at the times of the first of them, to half a sample (CS0201)."""
+    if not len(segment.time):
+        return
+    apart = np.abs(segment.time[:, place] - segment.time[:, place[:1]]).max(axis=0)
+    worst = int(np.argmax(apart))
+    if apart[worst] > 0.5 * segment.step[place[0]]:
+        raise error("CS0201", f"channel {segment.names[place[worst]]} was not taken at the times of {segment.names[place[0]]}, "
+                    f"by X0 and Delta_X: up to {apart[worst]:.4g} s apart", file=name,
+                    hint="log the channels of the force with one clock, or give them as CSV, each row at one time")
 
 
 def _scale(segment: Segment, place: list[int], name: str, findings: list[Finding]) -> Array:
@@ -171,15 +186,17 @@ def _segment(
     if len(titles) <= columns[-1]:
         raise error("CS0201", f"the line of column names has {len(titles)} cells, expected {columns[-1] + 1} or more",
                     file=name, line=end + 2)
-    body = [line for line in lines[end + 2: stop] if line.strip()]
-    values = _numbers(body, columns, separator, decimal, name, end + 3)
+    body = [k for k in range(end + 2, stop) if lines[k].strip()]
+    values = _numbers([lines[k] for k in body], columns, separator, decimal, name, [k + 1 for k in body])
     rows = np.arange(len(values))[:, None]
     stated = next((line.split(separator)[1:] for line in lines[start:end] if line.startswith("Y_Unit_Label")), [])
     units = tuple(stated[k].strip() if k < len(stated) else "" for k in range(count))
-    return Segment(tuple(titles[k] for k in columns), units, np.array(offsets) + rows * np.array(steps), values)
+    step = np.array(steps)
+    return Segment(tuple(titles[k] for k in columns), units, np.array(offsets) + rows * step, step, values)
 
 
-def _numbers(body: list[str], columns: list[int], separator: str, decimal: str, name: str, first: int) -> Array:
+def _numbers(body: list[str], columns: list[int], separator: str, decimal: str, name: str, line: list[int]) -> Array:
+    """The columns (n, c) of rows of text that stand on these lines."""
     if not body:
         return np.empty((0, len(columns)))
     wide = "\n".join(separator.join(line.split(separator)[: columns[-1] + 1]) for line in body)
@@ -187,14 +204,11 @@ def _numbers(body: list[str], columns: list[int], separator: str, decimal: str, 
         frame = pd.read_csv(io.StringIO(wide), sep=separator, header=None, decimal=decimal, quoting=csv.QUOTE_NONE,
                             low_memory=False, names=range(columns[-1] + 1))
     except pd.errors.ParserError as reason:
-        raise error("CS0201", f"a block is not a table: {reason}", file=name, line=first) from reason
+        raise error("CS0201", f"a block is not a table: {reason}", file=name, line=line[0]) from reason
     numbers = frame.reindex(columns=columns).apply(pd.to_numeric, errors="coerce")
     values = np.asarray(numbers.to_numpy(dtype=float), dtype=float)
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
-        raise _not_a_number(name, first + int(bad[0][0]), columns[int(bad[0][1])] + 1)
+        raise error("CS0203", "expected a finite number", file=name, line=line[int(bad[0][0])],
+                    column=columns[int(bad[0][1])] + 1)
     return values
-
-
-def _not_a_number(name: str, line: int, column: int) -> CompstiffError:
-    return error("CS0203", "expected a finite number", file=name, line=line, column=column)

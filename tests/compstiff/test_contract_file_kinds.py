@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -38,6 +39,21 @@ def test_a_table_of_no_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CompstiffError) as caught:
         kind_of(tmp_path / "other.csv", ForceLogFile())
     assert caught.value.findings[0].code == "CS0110"
+
+
+def test_a_suffix_that_is_not_read_is_told_with_those_that_are(tmp_path: Path) -> None:
+    (tmp_path / "log.tdms").write_text("")
+    with pytest.raises(CompstiffError) as caught:
+        kind_of(tmp_path / "log.tdms", ForceLogFile())
+    (said,) = caught.value.findings
+    told = re.fullmatch(r"'\.tdms' is no suffix that is read, expected one of (.+)", said.message)
+    assert said.code == "CS0110"
+    assert told
+    suffixes = told[1].split(", ")
+    assert {".csv", ".xlsx", ".parquet", ".pq", ".mod", ".apt", ".yaml", ".yml", ".json", ".mat", ".lvm"} <= {*suffixes}
+    assert len(suffixes) == len({*suffixes})
+    by_suffix = {".lvm": "force log", ".mat": "joint log", ".mod": "toolpath", ".apt": "toolpath"}
+    assert {suffix: kind_of(tmp_path / f"a{suffix}", ForceLogFile()) for suffix in by_suffix} == by_suffix
 
 
 @pytest.mark.parametrize(("name", "content", "kind"), [

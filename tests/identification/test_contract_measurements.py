@@ -253,6 +253,10 @@ def test_coarse_gauges_read_alike_up_and_down_and_a_copy_is_still_found(tmp_path
     fine = up_and_down(0.01)
     assert "CS0012" not in codes(fine)
     assert "CS0012" in codes([*fine, *[row for row in fine[1:6] for _ in range(2)]])
+    # Copied where they stand: of gauges that show half a micrometre or less that is no chance, of coarser ones it may be.
+    for step, told in ((0.01, True), (0.49, True), (0.51, False), (10.0, False)):
+        rows = up_and_down(step)
+        assert ("CS0012" in codes([rows[0], *(row for row in rows[1:] for _ in range(2))])) == told, step
 
 
 @pytest.mark.parametrize("code", ["CS0012", "CS1025"])

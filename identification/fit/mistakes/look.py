@@ -20,6 +20,7 @@ from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.screen import Linear, Sums, linear, log_scores, spring_jacobian, sums
 from identification.fit.mistakes.sizes import SIZES, Size
 from identification.fit.mistakes.slipped import slipped_mistakes
+from identification.measurements import Measurements
 
 Array = NDArray[np.float64]
 # Visits from which on a mistake may hold.
@@ -123,13 +124,14 @@ class Look:
 
     def _unlike(self, guesses: list[Guess]) -> list[Guess]:
         """One of those that leave the same rows: where a column is empty or zero in all of them, a mistake is the same with it
-        and without it. So are, to the springs, a force and all that was read under it of the other sign."""
+        and without it. So are, to the springs, a force and all that was read under it of the other sign. None of those that
+        change one row alone of the part they are of: that is a slip in that row."""
         alike: dict[tuple[bytes, str, bool], list[Guess]] = {}
+        plain = _to_springs(self.data.rows)
         for guess in guesses:
-            rows = guess.mistake.mended(self.data, guess.rows).rows
-            first = np.argmax(rows.wrench != 0, axis=1)[:, None]
-            sign = np.sign(np.take_along_axis(rows.wrench, first, axis=1))
-            left = np.nan_to_num(np.column_stack([sign * rows.wrench, sign * rows.deflection, rows.theta]), nan=np.inf) + 0.0
+            left = _to_springs(guess.mistake.mended(self.data, guess.rows).rows)
+            if guess.rows is not None and np.count_nonzero(np.any(left != plain, axis=1)) == 1:
+                continue
             key = left.tobytes(), guess.mistake.key if guess.mistake.of == "cell" else "", guess.split
             alike.setdefault(key, []).append(guess)
         return [of_alike(group) for group in alike.values()]
@@ -222,6 +224,13 @@ def log_lost(data: LoadTest, mended: LoadTest, per_unit: Array | float = 1.0) ->
     taken = np.maximum((~np.isnan(data.rows.deflection)).sum(axis=0), 1)
     spread = np.maximum(np.sqrt(np.nansum(data.rows.deflection**2, axis=0) / taken), LEAST_SPREAD) * per_unit
     return -float(np.sum(np.log(np.broadcast_to(spread, lost.shape)[lost]) + 0.5))
+
+
+def _to_springs(rows: Measurements) -> Array:
+    """What springs see of the rows (n, 15)."""
+    first = np.argmax(rows.wrench != 0, axis=1)[:, None]
+    sign = np.sign(np.take_along_axis(rows.wrench, first, axis=1))
+    return np.nan_to_num(np.column_stack([sign * rows.wrench, sign * rows.deflection, rows.theta]), nan=np.inf) + 0.0
 
 
 def _two_robots() -> Mistake:

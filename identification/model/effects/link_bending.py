@@ -60,7 +60,7 @@ class Beam(AtJoint):
     settles = "a force at the elbow, not at the tool"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        return _bent(rows, 2, values[0]) + Twist().contribution(rows, 2, values / TWIST_STIFFNESS)
+        return _bent(rows, 2, values[0]) + Twist().contribution(rows, joint, values / TWIST_STIFFNESS)
 
 
 class LinkBending(AtJoint):

@@ -39,7 +39,7 @@ class Rod(Effect):
         return Parallelogram().missing(rows)
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        driven = (rows.robot.rod or (2, 1))[0]
+        driven, _ = _rod(rows)
         arm, forearm, z = rows.origins[:, 2] - rows.origins[:, 1], rows.axes[:, 3], rows.axes[:, 1]
         across = np.sum(z * np.cross(arm, forearm), axis=1)
         angle = np.arctan2(across, np.sum(arm * forearm, axis=1)) + values[1]
@@ -72,7 +72,7 @@ class Parallelogram(Effect):
         return "" if rows.robot.rod is not None else "the robot has no parallel rod"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        yielding = rows.compliance[(rows.robot.rod or (2, 1))[1]]
+        yielding = rows.compliance[_rod(rows)[1]]
         return np.asarray(yielding * (_moved(rows, float(values[0])) - _moved(rows, _assumed(rows))))
 
     def neutral(self, rows: LoadState) -> Array:
@@ -81,7 +81,7 @@ class Parallelogram(Effect):
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         """With the gear as soft as the rows' springs have it, and as the prior of the robot has it: where the load path is not
         the assumed one, springs fitted without this effect can make the gear all but rigid."""
-        driver = (rows.robot.rod or (2, 1))[1]
+        _, driver = _rod(rows)
         assumed, yielding = _assumed(rows), rows.compliance[driver]
         other, now = 1.0 - assumed, yielding * _moved(rows, assumed)
         signatures = []
@@ -93,9 +93,15 @@ class Parallelogram(Effect):
         return [*signatures, *self.of_other_laws(rows, joint)]
 
 
+def _rod(rows: LoadState) -> tuple[int, int]:
+    """The axis that the rod drives, and the one that drives it."""
+    assert rows.robot.rod is not None
+    return rows.robot.rod
+
+
 def _moved(rows: LoadState, ratio: float) -> Array:
     """Deviation (n, 6) by gear 2 of unit compliance."""
-    driven, driver = rows.robot.rod or (2, 1)
+    driven, driver = _rod(rows)
     torque = np.einsum("nri,nr->ni", rows.serial_jacobian, rows.wrench)
     column = rows.serial_jacobian[:, :, driver] - ratio * rows.serial_jacobian[:, :, driven]
     return np.asarray(column * (torque[:, driver] - ratio * torque[:, driven])[:, None])

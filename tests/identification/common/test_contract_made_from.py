@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 from pathlib import Path
 
 import pytest
@@ -40,3 +42,37 @@ def test_a_stiffness_file_that_is_none_names_no_table_and_neither_does_a_record(
         assert said_of_changes({"stiffness": named}, tmp_path, tmp_path / "out.mod") == ()
         (tmp_path / "record.json").write_text(content)
         assert said_of_later(tmp_path / "record.json", tmp_path / "out.mod") == ()
+
+
+def record_of(output: str) -> dict[str, object]:
+    return {"format": "compstiff-correction", "input": {"file": "part.mod", "sha256": "1"},
+            "output": {"file": output, "sha256": output}}
+
+
+@pytest.mark.parametrize(("seconds", "told"), [(1.9, False), (2.1, True), (-100.0, False)])
+def test_of_two_corrections_of_a_program_the_earlier_is_told(tmp_path: Path, seconds: float, told: bool) -> None:
+    """By over two seconds: files that one copy wrote differ by less."""
+    own, other = tmp_path / "a.json", tmp_path / "b.json"
+    own.write_text(json.dumps(record_of("a.mod")))
+    other.write_text(json.dumps(record_of("b.mod")))
+    os.utime(own, (1e9, 1e9))
+    os.utime(other, (1e9 + seconds, 1e9 + seconds))
+    found = said_of_later(own, tmp_path / "a.mod")
+    assert [(one.code, one.message) for one in found] == [
+        ("CS4206", "is the earlier of two corrections of part.mod: b.mod was written later")][: int(told)]
+
+
+@pytest.mark.parametrize(("more", "read"), [(0, True), (1, False)])
+def test_what_is_too_large_for_a_record_or_a_stiffness_file_is_none(tmp_path: Path, more: int, read: bool) -> None:
+    """64 and 16 mebibytes."""
+    own, other = tmp_path / "a.json", tmp_path / "b.json"
+    own.write_text(json.dumps(record_of("a.mod")))
+    other.write_text(json.dumps(record_of("b.mod")).ljust(2**26 + more))
+    os.utime(own, (1e9, 1e9))
+    assert bool(said_of_later(own, tmp_path / "a.mod")) == read
+    (tmp_path / "a.csv").write_text("changed")
+    stiffness = tmp_path / "stiffness.json"
+    stiffness.write_text(json.dumps({"made_from": [{"file": "a.csv", "sha256": "0"}]}).ljust(2**24 + more))
+    named = {"file": "stiffness.json", "sha256": sha256(stiffness)}
+    found = said_of_changes({"stiffness": named}, tmp_path, tmp_path / "out.mod")
+    assert [one.code for one in found] == ["CS1205"][: int(read)]

@@ -67,13 +67,21 @@ def test_nothing_from_a_file_becomes_markup() -> None:
 
 
 @pytest.mark.parametrize(("columns", "rows", "cell", "stacked"), [
-    (5, 3, "1", True), (5, 30, "1", False), (3, 3, "1", False), (2, 30, "one more pass, and its log beside the program", True)])
+    (5, 3, "1", True), (5, 30, "1", False), (3, 3, "1", False), (2, 30, "one more pass, and its log beside the program", True),
+    (5, 8, "1", True), (5, 9, "1", False), (4, 8, "1", False), (2, 30, "w" * 40, False), (2, 30, "w" * 41, True)])
 def test_a_telephone_stacks_what_it_cannot_hold(columns: int, rows: int, cell: str, stacked: bool) -> None:
     """Each cell under the name of its column; a long table of numbers stays one."""
     table = ReportTable("t", [f"column {k}" for k in range(columns)], [["row", *[cell] * (columns - 1)]] * rows)
     text = render(Page("p", Verdict("good", "G", "s"), [], [], [], [table], [], [], [], {}))
     assert (text.count('data-label="column 1"') == rows) == stacked
     assert ('role="table"' in text) == stacked
+
+
+@pytest.mark.parametrize(("rows", "folded"), [(12, False), (13, True)])
+def test_a_table_of_over_a_dozen_rows_is_folded(rows: int, folded: bool) -> None:
+    table = ReportTable("The table", ["a", "b"], [["1", "2"]] * rows)
+    text = render(Page("p", Verdict("good", "G", "s"), [], [], [], [table], [], [], [], {}))
+    assert ("<details><summary><h2>The table</h2> (13 rows)</summary>" in text) == folded
 
 
 def test_the_answer_stands_before_everything_else_in_words_and_sign() -> None:

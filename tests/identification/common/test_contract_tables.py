@@ -13,9 +13,11 @@ import pytest
 from compensator.forces.log import read_force_log
 from compensator.learning.measured_points import read_points
 from compensator.verification.readings import read_readings
+from identification.common import number_blocks
 from identification.common.findings import CompstiffError
-from identification.common.number_blocks import parse_block, text_blocks
+from identification.common.number_blocks import parquet_at, parquet_blocks, parquet_names, parse_block, text_at, text_blocks
 from identification.common.shipped import shipped
+from identification.common.sizes import LARGEST_CELL
 from identification.common.table_layout import Layout, read_layout
 from identification.common.tables import read_table
 from identification.measurements import read_measurements
@@ -436,3 +438,101 @@ def test_times_by_the_clock_are_offered_where_they_would_be_read(tmp_path: Path,
     assert {one.hint for one in stopped.value.findings} == {
         "write times as seconds in one number, from any start" + ", or all of them as hh:mm:ss" * offered}
 
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("last", [True, False])
+@pytest.mark.parametrize("separator", [",", " "])
+def test_rows_from_a_place_in_a_long_table_are_whole_and_from_there(
+    tmp_path: Path, end: str, last: bool, separator: str,
+) -> None:
+    """About as many as are asked for, one behind the other, from that share of the way; from the first row on at 0, to the last
+    one at 1 (where its line is ended)."""
+    file, count = tmp_path / "table.csv", 3000
+    rows = [f"{k}{separator}{k / 8:.3f}" for k in range(count)]
+    file.write_bytes((end.join([separator.join(NAMES), *rows]) + end * last).encode())
+    layout = read_layout(file)
+    assert layout.rows == pytest.approx(count, rel=0.02)
+    for share in (0.0, 0.3, 0.75, 1.0):
+        found = text_at(file, layout, NAMES, share, 60)
+        first = found["a_mm"][0]
+        np.testing.assert_array_equal(found["a_mm"], first + np.arange(len(found["a_mm"])))
+        np.testing.assert_array_equal(found["b_mm"], found["a_mm"] / 8)
+        assert 55 <= len(found["a_mm"]) <= 90
+        assert first == pytest.approx(share * (count - 60), abs=0.04 * count)
+        assert share > 0 or first == 0
+        assert share < 1 or found["a_mm"][-1] == count - 1 - (not last)
+    assert text_at(file, layout, ["b_mm"], 0.0, 5)["b_mm"][:5].tolist() == [0, 0.125, 0.25, 0.375, 0.5]
+    assert text_at(file, layout, NAMES, 0.0, 10**6)["a_mm"].tolist() == list(range(count - (not last)))
+
+
+def test_rows_from_a_place_in_parquet_are_those_of_its_row_group(tmp_path: Path) -> None:
+    file, count = tmp_path / "table.parquet", 1000
+    pd.DataFrame({"a_mm": np.arange(count), "c": "word", "b_mm": np.arange(count) / 8}).to_parquet(file, row_group_size=100)
+    assert parquet_names(file) == (("a_mm", "c", "b_mm"), count)
+    shares = [0.0, 0.1, 0.105, 0.5, 0.505, 1.0]
+    for share, found in zip(shares, parquet_at(file, ("a_mm", "c", "b_mm"), NAMES, shares, 50), strict=True):
+        place = int(share * (count - 50))
+        expected = np.arange(place, min(place + 50, 100 * (place // 100 + 1)))
+        np.testing.assert_array_equal(found["a_mm"], expected)
+        np.testing.assert_array_equal(found["b_mm"], expected / 8)
+    assert [len(found["a_mm"]) for found in parquet_at(file, NAMES, NAMES, [0.3], 5000)] == [100]
+
+
+@pytest.mark.parametrize("size", [number_blocks.BATCH_ROWS, 64])
+def test_rows_of_parquet_are_counted_as_below_a_header(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    monkeypatch.setattr(number_blocks, "BATCH_ROWS", size)
+    file, values = tmp_path / "table.parquet", np.arange(200) / 8
+    pd.DataFrame({"a_mm": values, "b_mm": -values}).to_parquet(file)
+    blocks = list(parquet_blocks(file, NAMES, NAMES))
+    assert np.concatenate([line for _, line in blocks]).tolist() == list(range(2, 202))
+    np.testing.assert_array_equal(np.concatenate([numbers["b_mm"] for numbers, _ in blocks]), -values)
+    values[150] = np.nan
+    pd.DataFrame({"a_mm": values, "b_mm": values}).to_parquet(file)
+    with pytest.raises(CompstiffError) as stopped:
+        list(parquet_blocks(file, NAMES, NAMES))
+    said = stopped.value.findings[0]
+    assert (said.code, said.line, said.column) == ("CS0203", 152, 1)
+
+
+@pytest.mark.parametrize("value", [LARGEST_CELL, -LARGEST_CELL])
+def test_a_number_that_no_cell_has_is_refused_from_its_limit_on(tmp_path: Path, read, value: float) -> None:
+    file = tmp_path / "table.csv"
+    file.write_text(f"a_mm,b_mm\n1,2\n3,{value!r}\n")
+    assert read(file)["b_mm"].tolist() == [2, value]
+    file.write_text(f"a_mm,b_mm\n1,2\n3,{1.001 * value!r}\n")
+    with pytest.raises(CompstiffError) as stopped:
+        read(file)
+    said = stopped.value.findings[0]
+    assert (said.code, said.line, said.column) == ("CS0203", 3, 2)
+
+
+def test_twenty_cells_at_fault_are_named_the_first_ones_first(tmp_path: Path, read) -> None:
+    file = tmp_path / "table.csv"
+    file.write_text("a_mm,b_mm\n" + "".join(f"1,{'x' if 3 <= k < 28 else k}\n" for k in range(40)))
+    with pytest.raises(CompstiffError) as stopped:
+        read(file)
+    assert [one.line for one in stopped.value.findings] == list(range(5, 25))
+    assert {(one.code, one.column) for one in stopped.value.findings} == {("CS0203", 2)}
+
+
+@pytest.mark.parametrize(("count", "more"), [(20, ""), (21, " and 1 more"), (23, " and 3 more")])
+def test_twenty_columns_that_stand_twice_are_named(tmp_path: Path, read, count: int, more: str) -> None:
+    file, names = tmp_path / "table.csv", [f"c{k:02d}" for k in range(count)]
+    file.write_text(",".join(["a_mm", "b_mm", *names, *names]) + "\n" + ",".join(["1"] * (2 * count + 2)) + "\n")
+    with pytest.raises(CompstiffError) as stopped:
+        read(file)
+    assert (stopped.value.findings[0].code, stopped.value.findings[0].message) == (
+        "CS0202", f"column twice: {', '.join(names[:20])}{more}")
+
+
+@pytest.mark.parametrize(("above", "found"), [(200, True), (201, False)])
+def test_two_hundred_lines_may_stand_above_the_numbers(tmp_path: Path, above: int, found: bool) -> None:
+    file = tmp_path / "table.csv"
+    file.write_text("a word\n" * above + "1,2\n3,4\n")
+    if found:
+        layout = read_layout(file, NAMES)
+        assert (layout.line, layout.skipped, layout.header_line) == (201, 199, 200)
+        return
+    with pytest.raises(CompstiffError, match="CS0201: no line of numbers was found"):
+        read_layout(file, NAMES)

@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 from identification.common.findings import CompstiffError
-from identification.common.yaml_source import NotNegative, Positive, Strict, read_mapping, read_yaml
+from identification.common.yaml_source import (
+    EachJoint,
+    NotNegative,
+    Number,
+    Positive,
+    Quaternion,
+    Stiffness,
+    Strict,
+    Triple,
+    read_mapping,
+    read_yaml,
+)
 
 
 class Sized(Strict):
@@ -93,3 +106,67 @@ def test_a_key_that_stands_twice_has_the_place_of_the_second(tmp_path: Path) -> 
         read_mapping(tmp_path / "one.yaml")
     (found,) = stopped.value.findings
     assert (found.code, found.line, found.column, found.message) == ("CS0102", 2, 15, "key 'c' stands here a second time")
+
+
+class Kinds(Strict):
+    number: Number = 0.0
+    positive: Positive = 1.0
+    least: NotNegative = 0.0
+    spring: Stiffness = 1.0
+    turn: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    joints: EachJoint = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+    place: Triple = (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("key", "sound", "wrong", "says"), [
+    ("number", ["1e12", "-1e12", "0"], ["1.001e12", "-1.001e12"], "must be at most 1e+12 in size"),
+    ("number", [], [".inf", ".nan"], "nput should be a finite number"),
+    ("number", ["7"], ["7 mm", "two", "[1]"], "must be a plain number, without a unit"),
+    ("positive", ["1e-12", "1e12"], ["0.999e-12"], "must be at least 1e-12"),
+    ("positive", [], ["0", "-1e-13", "-5"], "must be greater than zero"),
+    ("least", ["0", "1e-12", "1e12"], ["0.999e-12", "1e-300"], "must be zero, or at least 1e-12"),
+    ("least", [], ["-1e-13", "-2"], "must not be negative"),
+    ("spring", ["1e-3", "1e20"], ["0.999e-3", "0", "-1", "1.001e20"], "must be greater than zero, 0.001 to 1e+20 N m/rad"),
+    ("turn", ["[1.0009, 0, 0, 0]", "[0.9991, 0, 0, 0]", "[0.5, -0.5, 0.5, 0.5]"],
+     ["[1.0011, 0, 0, 0]", "[0.9989, 0, 0, 0]", "[0.5, 0.5, 0.5, 0]"],
+     "must be a unit quaternion w x y z (norm 1 within 1e-3); its norm is "),
+    ("turn", [], ["[1, 0, 0, 0, 0]"], "must be a list of 4"), ("turn", [], ["1", "here"], "must be a list in square brackets"),
+    ("joints", ["3", "[3, 3, 3, 3, 3, 3]"], ["true", "three", ".nan", ".inf"], "must be a number, or six of them, one a joint"),
+    ("joints", [], ["0", "[1, 1, 1, 1, 1, 0]"], "must be greater than zero"), ("joints", [], ["2e12"], "must be at most 1e+12"),
+    ("place", ["[1, 2, 3]"], ["[1, 2, 3, 4]"], "must be a list of 3"),
+    ("place", [], ["[1, 2]"], "number 3 of the list is missing; found 2")])
+def test_a_value_is_read_within_its_bounds_and_refused_beyond_with_what_is_wanted(
+    tmp_path: Path, key: str, sound: list[str], wrong: list[str], says: str,
+) -> None:
+    """A number alone stands for all six joints."""
+    file = tmp_path / "one.yaml"
+    for value in sound:
+        file.write_text(f"{key}: {value}\n")
+        found, wanted = getattr(read_yaml(file, Kinds), key), yaml.safe_load(re.sub(r"(\d)e", r"\1.0e", value))
+        if key == "joints" and not isinstance(wanted, list):
+            wanted = [wanted] * 6
+        assert (list(found) if isinstance(wanted, list) else found) == (wanted if isinstance(wanted, list) else float(wanted))
+    for value in wrong:
+        file.write_text(f"# first\n{key}: {value}\n")
+        with pytest.raises(CompstiffError) as stopped:
+            read_yaml(file, Kinds)
+        (said, *_) = stopped.value.findings
+        assert (said.code, said.line) == ("CS0102", 2)
+        assert said.message.startswith(f"'{key}")
+        assert says in said.message
+
+
+@pytest.mark.parametrize(("key", "hint"), [
+    ("posiive", "the nearest known key is 'positive'"), ("size", "it stands below inner: indent it there"),
+    ("qqqqqq", "known keys are inner, positive"), ("Password", "no password stands in a file")])
+def test_an_unknown_key_is_told_where_it_may_belong(tmp_path: Path, key: str, hint: str) -> None:
+    class Outer(Strict):
+        inner: Sized = Sized(size=1.0)
+        positive: Positive = 1.0
+
+    (tmp_path / "one.yaml").write_text(f"positive: 2\n{key}: 3\n")
+    with pytest.raises(CompstiffError) as stopped:
+        read_yaml(tmp_path / "one.yaml", Outer)
+    (said,) = stopped.value.findings
+    assert (said.message, said.line, said.column) == (f"unknown key '{key}'", 2, 1)
+    assert said.hint.startswith(hint)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identification.common.chart import Axis, Band, Bars, Cells, Figure, Line, Panel, Points, Rule
-from identification.common.chart_numbers import MOST_ROWS, chart_numbers
+from identification.common.chart_numbers import chart_numbers
 from identification.common.chart_svg import NARROW, WIDE, draw, extremes, legend, log_ticks, number, numbers, ticks
 from identification.common.report import FILES
 
@@ -40,6 +40,30 @@ def test_points_stand_where_the_axes_say() -> None:
     assert np.polyval(scale_of(picture, "x"), [cx for cx, _ in circles]) == pytest.approx(x, abs=0.1)
     assert np.polyval(scale_of(picture, "y"), [cy for _, cy in circles]) == pytest.approx(y, abs=0.5)
     assert [one[0].text for one in picture.iter("circle")] == list("abc")
+
+
+def test_each_number_of_an_axis_stands_at_its_mark() -> None:
+    """Of the upright axis left of where the marks begin, of the other below where they end; marks run through the chart."""
+    picture = shown(Panel([Line("l", [0.0, 1.0], [-3.0, 5.0])], Axis("place [mm]"), Axis("y [um]")))
+
+    def drawn(form: str) -> list[tuple[float, ...]]:
+        found = (re.fullmatch(form, one.get("d", "")) for one in picture.iter("path"))
+        return sorted(tuple(map(float, one.groups())) for one in found if one)
+
+    number, texts = r"([-\d.]+)", [one for one in picture.iter("text") if re.fullmatch(r"[−\d.]+", one.text or "")]
+    places = {anchor: sorted((float(one.get("x")), float(one.get("y"))) for one in texts if one.get("text-anchor") == anchor)
+              for anchor in ("end", "middle")}
+    axis, = (one.get("d", "") for one in picture.iter("path") if one.get("class") == "axis")
+    left, bottom, right = map(float, re.findall(number, axis))
+    across = [mark for mark in drawn(f"M{number} {number}H{number}") if mark[1] != bottom]
+    upright = drawn(f"M{number} {number}V{number}")
+    assert len(across) > 2
+    assert len(upright) > 2
+    assert [(x, end) for x, _, end in across] == [(left, right)] * len(across)
+    np.testing.assert_allclose(places["end"], [(left - 6, y + 4) for _, y, _ in across], atol=0.051)
+    assert {end for _, _, end in upright} == {bottom}
+    assert len({top for _, top, _ in upright}) == 1
+    np.testing.assert_allclose(places["middle"], [(x, bottom + 17) for x, _, _ in upright], atol=0.051)
 
 
 def test_words_below_a_chart_stand_in_it_and_clear_of_each_other() -> None:
@@ -195,11 +219,16 @@ def test_numbers_of_marks_with_intervals() -> None:
 
 
 def test_no_numbers_of_clouds_long_lines_and_series_over_other_places() -> None:
-    def of(*series: Line | Points) -> object:
+    def of(*series: Line | Points) -> tuple[list[str], list[list[str]]] | None:
         return chart_numbers(Figure("f", "", [Panel(list(series), Axis("x"), Axis("y"))]))
 
-    many = np.arange(MOST_ROWS + 1.0)
+    many = np.arange(101.0)
     assert of(Line("l", many, many)) is None
+    _, rows = of(Line("l", many[1:], many[1:])) or ([], [])
+    assert rows[-1] == ["100", "100"]
+    for count in (100, 101):
+        bars = Panel([Bars("b", np.ones(count))], Axis(categories=[f"c{k}" for k in range(count)]))
+        assert (chart_numbers(Figure("f", "", [bars])) is None) == (count == 101)
     assert of(Points("a", [1, 2], [3, 4]), Points("b", [1, 3], [3, 4])) is None
     assert chart_numbers(Figure("f", "", [Panel([Cells(np.eye(2))], Axis(categories="ab"), Axis(categories="ab"))])) is None
     # A line through its own marks is told once, with a gap in it too; two series that happen to be equal are told as two.

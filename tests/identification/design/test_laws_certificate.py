@@ -12,7 +12,7 @@ from identification.design.criteria import a_criterion, d_criterion, e_criterion
 from identification.design.domain import Domain, random_pool
 from identification.design.exchange import exchange, many_exchanges
 from identification.design.loads import slot
-from identification.design.refine import climb, refine
+from identification.design.refine import _of_criterion, climb, refine
 from identification.design.search import Effort, optimal_design
 from identification.design.task import Demand, Task, free_demand
 
@@ -93,7 +93,32 @@ def test_refinement_and_climbing_never_lose_and_stay_admissible(domain, pool, pr
         top = climb(domain, weight, start.take(np.array([0])))
         assert top.feasible
         assert top.value >= np.sum(weight * start.information[0]) * (1 - 1e-6)
+        # Their values are those of the runs that they end with, whose tool stands where it is asked to.
+        assert after.value == pytest.approx(float(d_criterion().value(prior + runs.information.sum(axis=0))))
+        assert top.value == pytest.approx(np.sum(weight * top.runs.information[0]))
+        for ends in (runs, top.runs):
+            again = domain.runs(ends.theta, ends.slot, ends.place, ends.line)
+            np.testing.assert_allclose(again.information, ends.information, rtol=1e-12)
+            np.testing.assert_allclose(domain.look(ends.theta).tcp, np.tile([[1.36, 0.0, 0.81]], (len(ends), 1)), atol=1e-9)
+            assert (ends.theta >= domain.limits[:, 0]).all()
+            assert (ends.theta <= domain.limits[:, 1]).all()
+        assert after.iterations > 1
+        assert top.iterations > 1
     assert ended >= 4
+
+
+@pytest.mark.parametrize("criterion", [d_criterion(), e_criterion().smooth_with(10.0), a_criterion()])
+def test_what_a_refinement_minimises_falls_as_its_slope_says(domain, pool, prior, criterion):
+    """Of runs that are each visited three times: minus the logarithm of the criterion, and its derivative by any run."""
+    goal = _of_criterion(Task(domain, criterion, prior, free_demand(3, 4), 3), criterion)
+    told, rng = pool.information[[3, 50, 200, 700]], np.random.default_rng(9)
+    assert goal.value(told) == pytest.approx(-np.log(float(criterion.smooth(prior + 3 * told.sum(axis=0)))))
+    for run in range(4):
+        step = np.zeros_like(told)
+        lean = rng.uniform(0.5, 1.5, 6)
+        step[run] = 1e-6 * told[run] * np.outer(lean, lean)
+        change = (goal.value(told + step) - goal.value(told - step)) / 2
+        assert change == pytest.approx(np.sum(goal.slope(told) * step[run]), rel=1e-4)
 
 
 def test_the_papers_demand_is_kept(cell, domain, prior):
@@ -125,6 +150,28 @@ def test_numbers_of_runs_a_slot():
     np.testing.assert_array_equal(splits_of(Demand(np.arange(3), np.array([0, 1, 1, 2]))), [[1, 2, 1]])
     assert sorted(map(tuple, splits_of(free_demand(2, 2)).tolist())) == [(0, 2), (1, 1), (2, 0)]
     assert splits_of(free_demand(6, 40)) is None
+
+
+@pytest.mark.parametrize(("demand", "splits"), [
+    (free_demand(3, 62), 0), (Demand(np.zeros(3, dtype=int), np.zeros(1, dtype=int)), 3),
+    (Demand(np.arange(3), np.array([0, 0, 1, 2])), 1)])
+def test_a_certificate_says_how_many_numbers_of_runs_a_slot_it_told_apart(domain, pool, prior, demand, splits):
+    """0 where they are too many. With a wide gap it holds all the same: it is then one of a short search."""
+    slots = [np.flatnonzero(demand.groups[pool.slot] == group) for group in demand.wanted]
+    plan = pool.take(np.array([rows[7 * k] for k, rows in enumerate(slots)]))
+    task = Task(domain, d_criterion(), prior, demand)
+    found = certify(task, plan, pool.take(np.arange(30)), np.random.default_rng(2), starts=1, gap=20.0)
+    assert found.splits == splits
+    assert found.starts == demand.counts.size
+    assert found.rounds == 1
+    assert found.value == pytest.approx(task.value(plan))
+    assert found.efficiency == pytest.approx(found.value / found.bound)
+    assert found.value <= found.bound <= found.relaxed
+    assert found.gap == pytest.approx(found.relaxed / found.optimum - 1)
+    assert (found.weights > 1e-7).all()
+    assert np.bincount(task.group(found.support), found.weights) == pytest.approx(np.ones(demand.counts.size), abs=1e-4)
+    assert found.optimum == pytest.approx(float(d_criterion().value(
+        task.approximate_information(found.support, found.weights))), rel=1e-4)
 
 
 def test_better_than_random_plans(plan, prior):

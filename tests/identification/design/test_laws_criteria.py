@@ -69,6 +69,43 @@ def test_slope_is_the_derivative_of_the_logarithm(criterion):
         assert np.sum(criterion.slope(information) * information) == pytest.approx(1, rel=1e-6)
 
 
+def test_values_are_those_of_springs_that_are_known_apart():
+    """By hand, of precisions along the axes: the geometric mean, the harmonic sums, the least; 0 where one is not known."""
+    precision = np.array([1.0, 2, 4, 5, 10, 20])
+    information = np.stack([np.diag(precision), np.diag(precision * [0, 1, 1, 1, 1, 1]) + 0.0])
+    assert d_criterion().value(information) == pytest.approx([8000 ** (1 / 6), 0])
+    assert a_criterion().value(information[:1]) == pytest.approx([1 / 2.1])
+    # Of raw k in units of the largest, here 6: variances times their squares.
+    raw = a_criterion(np.array([1.0, 2, 3, 4, 5, 6]))
+    assert raw.value(information[:1]) == pytest.approx([36 / (1 / 1 + 4 / 2 + 9 / 4 + 16 / 5 + 25 / 10 + 36 / 20)])
+    assert e_criterion().value(information) == pytest.approx([1, 0])
+    assert e_criterion().value(np.diag([-1.0, 1, 1, 1, 1, 1])[None]) == [0]
+    assert [one.name for one in (d_criterion(), a_criterion(), raw, e_criterion(), i_criterion(WEIGHT))] == [
+        "D", "A", "A in raw k", "E", "I"]
+
+
+def test_the_least_is_searched_by_means_that_come_close_to_it():
+    """Power means of the precisions, a smooth one first; the others need none."""
+    precision = np.array([1.0, 1.1, 1.3, 5, 10, 20])
+    assert e_criterion().powers == (10, 80)
+    for power in e_criterion().powers:
+        found = e_criterion().smooth_with(power).smooth(np.diag(precision)[None])
+        assert found == pytest.approx([np.mean(precision**-power) ** (-1 / power)], rel=1e-12)
+        assert 1 < found[0] <= 6 ** (1 / power)
+    for one in (d_criterion(), a_criterion(), i_criterion(WEIGHT)):
+        assert len(one.powers) == 1
+        assert one.smooth(np.diag(precision)[None]) == one.value(np.diag(precision)[None])
+
+
+def test_joints_of_which_less_than_half_is_seen_are_left_out():
+    assert d_criterion().left_out == ()
+    assert d_criterion().of_seen(np.eye(6)[:, [1, 2, 4]]).left_out == (1, 4, 6)
+    lean = np.zeros((6, 1))
+    for share, left in ((0.49, (1, 3, 4, 5, 6)), (0.51, (2, 3, 4, 5, 6))):
+        lean[:2, 0] = np.sqrt([share, 1 - share])
+        assert e_criterion().of_seen(lean).left_out == left
+
+
 def test_units_of_a_stiffness_do_not_change_what_d_prefers():
     rng = np.random.default_rng(3)
     one, other = positive(rng, 2)

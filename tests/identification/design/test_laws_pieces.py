@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise, permutations
 from types import SimpleNamespace
 from typing import Any
@@ -12,14 +13,19 @@ from numpy.testing import assert_allclose
 
 from identification.common.findings import CompstiffError
 from identification.design import forecast as forecasts
+from identification.design import unseen
+from identification.design.certificate import Certificate, _Bounds, bound_over, splits_of
+from identification.design.criteria import d_criterion
 from identification.design.dead_weights import DeadWeights, check_payload
-from identification.design.domain import Pool
+from identification.design.domain import Pool, random_pool
 from identification.design.forecast import Forecast, joint_forecasts, spread
 from identification.design.kept_back import distances, kept_back
 from identification.design.loads import CYCLE, FREE, slot, weight_slot
+from identification.design.milling import assumed_force
 from identification.design.order import imbalance, load_axes, run_order, travel
 from identification.design.program import _load, _weights, approaches
 from identification.design.sheet import as_measurements, sheet_of, sheet_text
+from identification.design.task import Demand, Task, free_demand
 from identification.design.unseen import across
 from identification.model.cell import read_cell
 from identification.model.inverse import inverse, nearest_solution
@@ -86,14 +92,14 @@ def test_a_sheet_of_lines_of_their_own_says_where_they_point():
 
 def test_a_sheet_of_weights_says_what_to_hang_and_is_never_turned_round():
     hung = weight_slot(DeadWeights.of("20,40,20+40"), "cycle", FALL)
-    sheet = sheet_of(pool_of([0, 0, 0]), (hung,), np.arange(2), 1, np.zeros(3, dtype=bool), "P")
-    assert_allclose(sheet.force, np.round(np.outer([0, 20, 40, 60, 40, 0] * 2, FALL), 2))
+    sheet = sheet_of(pool_of([0, 0, 0]), (hung,), np.arange(3), 1, np.zeros(3, dtype=bool), "P")
+    assert_allclose(sheet.force, np.round(np.outer([0, 20, 40, 60, 40, 0] * 3, FALL), 2))
     assert sheet.masses(1) == [0, 20, 40, 60, 40, 0]
     assert sheet.along(0) == "hung 20 40 60 40 kg"
     assert [sheet.handling(row) for row in range(7)] == [
         "no weights", "hang on 20 kg", "take off 20 kg, then hang on 40 kg", "hang on 20 kg", "take off 20 kg",
         "take off 40 kg", "no weights"]
-    assert sheet.lifted_kg == 2 * (20 + 60 + 20 + 20 + 40)
+    assert sheet.lifted_kg == 3 * (20 + 60 + 20 + 20 + 40)
     # Carried for 40 s, still after 20 s and a minute.
     assert sheet.time[:7].tolist() == [60, 160, 220, 320, 380, 480, 660]
     assert sheet.visits_as_dicts()[0]["mass_kg"] == [0, 20, 40, 60, 40, 0]
@@ -209,24 +215,28 @@ def test_a_joint_s_grade_and_its_partner_are_those_of_the_covariance(cell, monke
     assert found[4].as_dict()["trades_off_with"] is None
 
 
-def test_a_retreat_is_up_or_back_with_the_tool_as_it_stands(domain, pool):
-    """The first of five that the arm reaches in the same configuration, no joint more than 45 degrees away."""
-    theta = pool.theta[:60]
+def test_a_retreat_is_up_or_back_with_the_tool_as_it_stands(domain):
+    """The first of five that the arm reaches in the same configuration, no joint more than 45 degrees away; high up all of them
+    are met."""
+    high = random_pool(replace(domain, positions=np.array([[1.0, 0.0, 1.6]])), 400, np.random.default_rng(4))
+    theta = np.unique(high.theta, axis=0)
     behind = approaches(domain, theta)
     found = np.isfinite(behind).all(axis=1)
     assert found.mean() > 0.8
+    count = len(theta)
     arm, tool = domain.rig.cell.robot, domain.rig.cell.flange_from_tcp
     here, there = forward(arm, theta, tool), forward(arm, behind[found], tool)
     assert_allclose(there.rotation, here.rotation[found], atol=1e-9)
     assert (arm.limit_excess(behind[found]) <= 0).all()
     assert np.abs(behind - theta)[found].max() < np.radians(45)
     level = here.position[:, :2] / np.linalg.norm(here.position[:, :2], axis=1, keepdims=True)
-    ways = [np.column_stack([out * level, np.full(60, up)]) for out, up in (
+    ways = [np.column_stack([out * level, np.full(count, up)]) for out, up in (
         (0, 0.15), (-0.1, 0.1), (-0.15, 0), (0, 0.05), (-0.05, 0))]
     off = np.array([np.linalg.norm(there.position - here.position[found] - way[found], axis=1) for way in ways])
     assert off.min(axis=0).max() < 1e-9
     taken = off.argmin(axis=0)
     assert np.mean(taken == 0) > 0.5
+    assert {*taken.tolist()} == {0, 1, 2, 3, 4}
     # None before it fits: not reached, beyond a limit, or turned too far.
     for number, (one, way) in enumerate(zip(np.flatnonzero(found), taken, strict=True)):
         for earlier in ways[:way]:
@@ -249,3 +259,101 @@ def test_a_prompt_of_many_weights_is_cut_to_what_hangs():
     sheet = sheet_of(pool_of([0]), (hung,), np.arange(1), 1, np.zeros(1, dtype=bool), "P")
     assert _weights(sheet, "P01", 1) == "P01: hang on 2.5 + 5 kg. Still for 60 s"
     assert _weights(sheet, "P01", 2) == "P01: change to 75.25 kg in all. Still for 20 s"
+
+
+def certificate_of(value: float, splits: int, starts: int) -> Certificate:
+    """Bound 10, with fractions of runs 12; a pool alone would claim 93 %."""
+    none = pool_of([], np.zeros((0, 6)))
+    return Certificate(value / 10, 10.0, value, 9.5, 12.0, 0.93, starts, 3, splits, none, np.empty(0), 0.2, none)
+
+
+def test_a_certificate_says_what_it_holds_and_on_what_condition():
+    """Shares are rounded down: no plan is said to be better than it is."""
+    whole, fractions = certificate_of(8.9999, 2, 48), certificate_of(9.0, 1, 1)
+    before = "efficient against every plan with as many runs and the same loads and place, over continuous poses"
+    assert whole.sentence == (
+        f"at least 89.9 % {before} (equivalence theorem, poses as fractions, runs an axis as whole numbers; 74.9 % with "
+        "fractions of these too; its maxima were searched from 48 starts, not proved)")
+    assert fractions.sentence == (
+        f"at least 90.0 % {before} (equivalence theorem, poses as fractions; its maxima were searched from 1 start, not "
+        "proved)")
+    assert fractions.as_dict() == {
+        "efficiency": 0.9, "words": fractions.sentence, "value": 9.0, "bound": 10.0, "gap": 0.2, "starts": 1, "rounds": 3,
+        "relaxed_bound": 12.0, "splits": 1, "pool_only_claim": 0.93}
+
+
+@pytest.mark.parametrize(("value", "efficiency", "bound", "relaxed", "claim"), [
+    (8.0, 0.8, 10, 12, 0.93 * 8 / 9), (9.5, 0.95, 10, 12, 0.93 * 9.5 / 9), (9.9, 0.99, 10, 12, 1.0), (11.0, 1.0, 11, 12, 1.0),
+    (13.0, 1.0, 13, 13, 1.0)])
+def test_of_another_plan_the_same_bound_holds_or_that_plan_itself(value, efficiency, bound, relaxed, claim):
+    other = certificate_of(9.0, 2, 48).of_plan(value)
+    assert (other.value, other.bound, other.relaxed) == (value, bound, relaxed)
+    assert (other.efficiency, other.pool_efficiency) == pytest.approx((efficiency, claim))
+    assert (other.optimum, other.starts, other.splits) == (9.5, 48, 2)
+
+
+@pytest.mark.parametrize(("slots", "runs", "count"), [
+    ([2], [1999], 2000), ([2], [2000], None), ([3], [61], 1953), ([3], [62], None), ([3, 3], [8, 7], 45 * 36),
+    ([3, 3], [8, 8], None), ([1, 1], [5, 4], 1)])
+def test_up_to_two_thousand_numbers_of_runs_a_slot_are_told_apart(slots, runs, count):
+    found = splits_of(Demand(np.repeat(np.arange(len(slots)), slots), np.repeat(np.arange(len(runs)), runs)))
+    if count is None:
+        assert found is None
+        return
+    assert found is not None
+    assert found.shape == (count, sum(slots)) == np.unique(found, axis=0).shape
+    for group, wanted in enumerate(runs):
+        assert (found[:, np.repeat(np.arange(len(slots)), slots) == group].sum(axis=1) == wanted).all()
+
+
+def test_a_bound_is_the_best_run_of_each_slot_as_often_as_it_is_taken():
+    """By loops over runs, slots and tangents, each run visited twice; a split's bound is its smallest, and with fractions the
+    best slot of a group stands for all its runs."""
+    rng = np.random.default_rng(3)
+    roots = rng.normal(size=(14, 6, 6))
+    told = roots @ np.swapaxes(roots, 1, 2)
+    slots = np.array([0, 1, 0, 1, 1, 0, 0, 1])
+    runs = replace(pool_of(slots.tolist(), np.zeros((8, 6))), information=told[:8])
+    tangents, prior = told[8:11], told[11]
+    nowhere: Any = None
+    task = Task(nowhere, d_criterion(), prior, free_demand(2, 3), 2)
+    splits = splits_of(task.demand)
+    assert splits is not None
+    bounds = _Bounds(task, splits)
+    bounds.add(tangents[0], runs.take(np.arange(4)))
+    bounds.add(tangents[1], runs.take(np.arange(4)))
+    bounds.see(runs.take(np.arange(4, 8)))
+    bounds.add(tangents[2], runs)
+    best = np.array([[max(np.sum(one * told[k]) for k in range(8) if slots[k] == s) for s in (0, 1)] for one in tangents])
+    wanted = np.array([[np.sum(one * prior) + 2 * (n[0] * b[0] + n[1] * b[1]) for n in splits]
+                       for one, b in zip(tangents, best, strict=True)])
+    assert_allclose(bounds.table, wanted)
+    assert_allclose(bounds.of_splits, wanted.min(axis=0))
+    for one, b in zip(tangents, best, strict=True):
+        assert bound_over(task, one, runs) == pytest.approx(np.sum(one * prior) + 2 * 3 * b.max())
+    paper = replace(task, demand=Demand(np.array([0, 1]), np.array([0, 0, 1])))
+    assert bound_over(paper, tangents[0], runs) == pytest.approx(
+        np.sum(tangents[0] * prior) + 2 * (2 * best[0, 0] + best[0, 1]))
+
+
+def test_a_load_goes_up_in_thirds_and_through_zero_to_the_other_side():
+    """Half of it there, and all; or on and off. Without a log a cutting force is 100 N along each axis."""
+    assert slot("y", "cycle", 300.0).forces[:, 1] == pytest.approx([0, 100, 200, 300, 0, -150, -300])
+    assert slot("y", "single", 300.0).forces[:, 1] == pytest.approx([0, 300])
+    assert not slot("y", "cycle", 300.0).forces[:, [0, 2]].any()
+    assert_allclose(assumed_force(), np.diag([1e4, 1e4, 1e4]))
+
+
+@pytest.mark.parametrize(("told", "seen"), [
+    ([1, 1, 1, 1, 1.9e-3, 2.1e-3], [0, 1, 2, 3, 5]), ([1, 1, 2.1e-3, 1, 1, 2.1e-3], None), ([1.9e-3] * 6, None),
+    ([0, 1, 1, 1, 1, 1], [1, 2, 3, 4, 5])])
+def test_what_no_plan_narrows_by_a_twentieth_of_a_per_cent_is_unseen(monkeypatch, told, seen):
+    """Two runs that tell a thousandth of the prior's precision between them, here of 4, narrow it so far; where everything is
+    seen, or nothing, there is no part of it to speak of."""
+    runs = replace(pool_of([0, 0], np.zeros((2, 6))), information=np.stack([np.diag(told), np.diag(told) / 2]))
+    monkeypatch.setattr(unseen, "random_pool", lambda *_: runs)
+    nowhere: Any = None
+    found = unseen.seen_by(nowhere, 4.0 * np.eye(6), 2, np.random.default_rng(0))
+    assert (found is None) == (seen is None)
+    if found is not None:
+        assert_allclose(found @ found.T, np.diag(np.isin(np.arange(6), seen).astype(float)), atol=1e-12)

@@ -358,6 +358,28 @@ def test_a_mistake_in_a_part_is_as_likely_as_the_table_mended_there(data: LoadTe
         assert guess.score - guess.log_prior == pytest.approx(score, rel=1e-9)
 
 
+def test_a_column_that_one_row_alone_has_is_no_mistake_of_a_part(data: LoadTest) -> None:
+    """A reading written a tenth as large, of the only row of the last visit that pushes along its axis, is that row's slip,
+    and no force in another unit in all of them. Of two such rows it may be either."""
+    axis = int(np.argmax(np.abs(data.rows.wrench[-1, :3])))
+    last = data.rows.visit == data.rows.visit[-1]
+    along = np.flatnonzero(last & (data.rows.wrench[:, axis] != 0))
+    for count in (1, 2):
+        kept = ~np.isin(np.arange(len(last)), along[:-count])
+        rows = data.rows.select(kept)
+        deflection = rows.deflection.copy()
+        off = np.flatnonzero(rows.visit == rows.visit[-1])[rows.wrench[rows.visit == rows.visit[-1], axis] != 0]
+        assert len(off) == count
+        deflection[off] /= 10
+        spoilt = data.with_rows(replace(rows, deflection=deflection))
+        found = [guess for guess in Look(spoilt).guesses() if guess.rows is not None and not guess.split]
+        assert any(guess.mistake.key == f"force_unit[{'xyz'[axis]}]" for guess in found) == (count == 2)
+        for guess in found:
+            mended = guess.mistake.mended(spoilt, guess.rows).rows
+            assert np.count_nonzero([np.any(getattr(mended, name) != getattr(rows, name), axis=1)
+                                     for name in ("wrench", "deflection", "theta")]) > 1
+
+
 def test_a_moment_has_no_force_whose_sign_could_be_lost(data: LoadTest, monkeypatch: pytest.MonkeyPatch) -> None:
     """A tenth of the rows with a force have another sign: enough, however many rows there are with a moment alone."""
     wrench = np.abs(data.rows.wrench)

@@ -82,7 +82,8 @@ def test_a_conflict_is_told_with_the_joint_that_differs_most(fit: Fit) -> None:
     assert len(said) == sum(one.corrected < 0.05 for one in fit.conflicts)
     assert (said[0].level, said[0].file) == ("warning", fit.measurements.source)
     told = re.fullmatch(r"positive loads and negative loads want different stiffnesses: Mahalanobis distance (\S+) over (\d) "
-                        r"directions \(p = (\S+)\), most in k3, by a factor (\S+)", said[0].message)
+                        r"directions \(p = (\S+)\), most in k3: by positive loads (\S+) times as stiff as by negative "
+                        r"loads", said[0].message)
     assert told
     assert float(told[1]) == pytest.approx(first.distance, abs=0.051)
     assert int(told[2]) == first.directions

@@ -106,6 +106,7 @@ def test_lvm_blocks_stand_at_their_times(tmp_path: Path, x_columns: str, decimal
 @pytest.mark.parametrize(("begins", "said"), [
     ((0.0, 0.5, 0.501), "1 gap between blocks"), ((0.0, 0.5, 0.6), "2 gaps between blocks"),
     ((0.0, 0.00106, 0.00206), "1 gap between blocks"), ((0.0, 0.00104, 0.00204), ""), ((0.0, 0.001, 0.002), ""),
+    ((0.0, 0.0009, 0.0019), "1 step back in time between blocks"),        # the last time of the first block once more
     ((0.5, 0.0, 0.001), "1 step back in time between blocks"),
     ((0.5, 0.0, 0.1), "1 gap and 1 step back in time between blocks")])
 def test_lvm_gap_is_said(tmp_path: Path, begins: tuple[float, ...], said: str) -> None:
@@ -115,6 +116,77 @@ def test_lvm_gap_is_said(tmp_path: Path, begins: tuple[float, ...], said: str) -
     log = read_lvm(path)
     assert log.time[[0, 10, 20]] == pytest.approx(np.array(begins) - begins[0], abs=1e-9)
     assert [(one.level, one.message) for one in log.findings if one.code == "CS0205"] == [("warning", said)][: bool(said)]
+
+
+def test_lvm_channels_of_other_times_are_no_force(tmp_path: Path) -> None:
+    """X0 and Delta_X are given a channel: half a sample apart is at once."""
+    path, text = tmp_path / "a.lvm", lvm([(0.0, VALUES[:20, :4])])
+    x0, step = "X0" + "\t0.000000E+00" * 4, "Delta_X" + "\t0.000100" * 4
+    for old, new, apart in ((x0, "X0\t0.0\t0.0\t4.9E-5\t1.0", 0), (x0, "X0\t0.0\t0.0\t-6E-5\t0.0", 6e-5),
+                            (step, "Delta_X\t1e-4\t1e-4\t9.7e-5\t1e-4", 19 * 3e-6),
+                            (step, "Delta_X\t1e-4\t1e-4\t9.8e-5\t1e-4", 0)):
+        assert old in text
+        path.write_text(text.replace(old, new))
+        if apart:
+            with pytest.raises(CompstiffError) as stopped:
+                read_lvm(path, ("Fx", "Fy", "Fz"))
+            assert [(one.code, one.message) for one in stopped.value.findings] == [(
+                "CS0201", f"channel Fz was not taken at the times of Fx, by X0 and Delta_X: up to {apart:.4g} s apart")]
+            assert read_lvm(path, ("Fx", "Fy", "Mx")).time == pytest.approx(1e-4 * np.arange(20)), "Fz is not asked for"
+        else:
+            log = read_lvm(path, ("Fx", "Fy", "Fz"))
+            assert (log.time, log.force) == (pytest.approx(1e-4 * np.arange(20)), pytest.approx(VALUES[:20, :3]))
+
+
+@pytest.mark.parametrize(("titles", "asked", "says"), [
+    ("Fx\tFy\tFz\tMx", ("Fx", "Fy", "Fz", "Mx", "My", "Mz"), "channels missing: a moment; found Fx, Fy, Fz, Mx"),
+    ("Fx\tFy\tMx\tMy", ("Fx", "Fy", "Fz", "Mx"), "channels missing: Fz; found Fx, Fy, Mx, My"),
+    ("Fx\tA\tB\tC", ("Fx", "Fy", "Fz"), "channels missing: Fy, Fz; found Fx, A, B, C"),
+    ("Fx\tFy\tFz", None, "the line of column names has 5 cells, expected 5 or more"),
+    ("Fx\tFy", None, "the line of column names has 4 cells, expected 5 or more")])
+def test_lvm_channels_that_are_not_there(tmp_path: Path, titles: str, asked: tuple[str, ...] | None, says: str) -> None:
+    """A cell for each, X and comment beside them: without a name of its own the comment's is the fourth channel's."""
+    path = tmp_path / "a.lvm"
+    path.write_text(lvm([(0.0, VALUES[:5, :4])]).replace("Fx\tFy\tFz\tMx", titles))
+    if asked is None and "5 cells" in says:
+        assert read_lvm(path, ("Fx", "Fy", "Fz")).force == pytest.approx(VALUES[:5, :3])
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        read_lvm(path, asked or ("Fx", "Fy", "Fz"))
+    assert stopped.value.findings[0].message == says
+    assert stopped.value.findings[0].line == (18 if asked is None else None)
+
+
+@pytest.mark.parametrize(("given", "step"), [(None, 1 / 25600), (1000.0, 1e-3)])
+def test_a_converted_log_has_the_columns_and_the_clock_of_its_file(tmp_path: Path, given: float | None, step: float) -> None:
+    """Without moments three of them; without a rate the one that is usual of the form; and what is said of it."""
+    path = tmp_path / "5mm_648mm_mn_9000rpm" / "a.csv"
+    path.parent.mkdir()
+    path.write_text("\n".join(",".join(map(str, row)) for row in VALUES))
+    converted = convert_log(path, "metallicadour", rate=given)
+    assert list(converted.columns) == ["time_s", "fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"]
+    assert converted.columns["time_s"] == pytest.approx(step * np.arange(40), rel=1e-12)
+    assert converted.as_dict() == {
+        "rows": 40, "seconds": pytest.approx(39 * step), "columns": list(converted.columns),
+        "conditions": {"depth_mm": 5, "feed_mm_min": 648, "spindle_rpm": 9000}}
+    assert converted.lines() == [f"40 samples over {39 * step:.3f} s: time_s, fx_n, fy_n, fz_n, mx_nm, my_nm, mz_nm, "
+                                 "depth_mm 5, feed_mm_min 648, spindle_rpm 9000"]
+    (tmp_path / "a.lvm").write_text(lvm([(0.0, VALUES[:, :3])]))
+    converted = convert_log(tmp_path / "a.lvm", "lvm")
+    assert converted.lines() == ["40 samples over 0.004 s: time_s, fx_n, fy_n, fz_n"]
+    assert list(converted.columns) == ["time_s", "fx_n", "fy_n", "fz_n"]
+    assert converted.columns["fz_n"] == pytest.approx(VALUES[:, 2])
+
+
+@pytest.mark.parametrize(("counts", "rate"), [((2e6, 4e6), 1000.0), ((1e6, 1e6), None)])
+def test_a_sensor_s_own_counts_and_rate_are_taken(tmp_path: Path, counts: tuple[float, float], rate: float | None) -> None:
+    (tmp_path / "a.rdt").write_bytes(packets(np.arange(40)).tobytes())
+    columns = convert_log(tmp_path / "a.rdt", "net-ft", counts=counts, rate=rate).columns
+    assert columns["time_s"] == pytest.approx(4 * np.arange(40) / (rate or 7000.0))
+    assert np.column_stack([columns[name] for name in ("fx_n", "fy_n", "fz_n")]) == pytest.approx(
+        VALUES[:, :3] * 1e6 / counts[0])
+    assert np.column_stack([columns[name] for name in ("mx_nm", "my_nm", "mz_nm")]) == pytest.approx(
+        VALUES[:, 3:6] * 1e6 / counts[1])
 
 
 def test_lvm_complaints(tmp_path: Path) -> None:
@@ -128,8 +200,18 @@ def test_lvm_complaints(tmp_path: Path) -> None:
     path.write_text(lvm([(0.0, VALUES[:5, :3])]).replace(f"{VALUES[2, 1]:.4f}", "x"))
     with pytest.raises(CompstiffError, match=r"a.lvm:21:3: error CS0203"):
         read_lvm(path)
+    path.write_text(lvm([(0.0, VALUES[:5, :3])]).replace(f"{VALUES[2, 1]:.4f}", "x").replace(
+        f"\r\n\t{VALUES[1, 0]:.4f}", f"\r\n\r\n\r\n\t{VALUES[1, 0]:.4f}"))
+    with pytest.raises(CompstiffError, match=r"a.lvm:23:3: error CS0203"):      # two empty lines above it
+        read_lvm(path)
     path.write_text(lvm([(0.0, VALUES[:0, :3])]))
     with pytest.raises(CompstiffError, match=r"a.lvm: error CS0201: has no row of data"):
+        read_lvm(path)
+    path.write_text(lvm([]))
+    with pytest.raises(CompstiffError, match=r"a.lvm:10: error CS0201: has a header and no block of data"):
+        read_lvm(path)
+    path.write_text("LabVIEW Measurement\t\nSeparator\tTab\nChannels\t3\n")
+    with pytest.raises(CompstiffError, match=r"a.lvm:3: error CS0201: has no \*\*\*End_of_Header"):
         read_lvm(path)
 
 

@@ -9,9 +9,11 @@ import pytest
 
 from identification.common.catalogue import catalogue
 from identification.common.findings import CompstiffError
+from identification.model import robot_check
 from identification.model.reach import reach
-from identification.model.robot import built_in_robots, read_robot
+from identification.model.robot import RobotModel, built_in_robots, read_robot
 from identification.model.robot_check import RobotCheck, check_robot
+from identification.model.rotations import Frame
 from tests.identification.model.urdf_arms import ARMS
 from tests.support import robot
 
@@ -264,6 +266,22 @@ def test_a_window_that_no_angle_meets_is_said_once(tmp_path: Path) -> None:
     check = checked(tmp_path, "irb6660-205-1.90", swap("window_deg: [-70, 70]", "window_deg: [300, 310]"))
     assert [finding.code for finding in check.findings if finding.level == "error"] == ["CS0068"]
     assert "nan" not in " ".join(check.lines())
+
+
+@pytest.mark.parametrize(("off", "lost"), [(0.0, 0), (2e-10, 0), (2e-9, 7), (np.nan, 7)])
+def test_poses_that_the_inverse_does_not_give_back_are_counted(monkeypatch: pytest.MonkeyPatch, off: float, lost: int) -> None:
+    """To a nanometre and 1e-9 rad; an inverse that is wrong here is none to correct with. An arm of half a metre to 2 m from
+    axis 1 moves by less than 1e-9 m and more than that, turned so far about it."""
+    def off_at_seven(robot: RobotModel, flange: Frame, theta: np.ndarray) -> np.ndarray:
+        return theta + np.where(np.arange(len(theta)) < 7, off, 0.0)[:, None] * np.eye(6)[0]
+
+    monkeypatch.setattr(robot_check, "nearest_angles", off_at_seven)
+    found = check_robot(built_in_robots()["irb6700-200-2.60"])
+    row = next(row for row in found.rows if row.subject == "inverse")
+    assert (row.verdict, found.sound) == (("error", False) if lost else ("ok", True))
+    assert row.found.startswith("2000 random poses inside the limits, given back to ")
+    assert [(one.code, one.level, one.message) for one in row.findings] == [
+        ("CS0061", "error", "at 7 of 2000 poses inside the limits the inverse kinematics gives another pose")][: bool(lost)]
 
 
 def test_a_pose_that_says_nothing_is_refused(tmp_path: Path) -> None:

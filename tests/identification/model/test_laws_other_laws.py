@@ -288,6 +288,8 @@ def test_a_smaller_gear_is_softer_up_to_less_torque() -> None:
         assert_allclose([soft[at] / large[at], stiff[at] / large[at]], [0.1, 1.0], rtol=1e-12)
         if law.parameters[0].unit == "rad":
             assert_allclose(soft[0], large[0], rtol=1e-12)
+            # K3 is 1.8 times K1: below T it yields by 0.8 of what it does above it more.
+            assert_allclose([large[0], stiff[0]], 0.8 * 100 * np.array([4e-6, 4e-7]), rtol=1e-12)
         grids = [law.grid(replace(rows, compliance=np.full(6, value)), 5, law.parameters[at]) for value in (4e-6, 4e-5, 4e-7)]
         assert_allclose(grids, np.outer([1.0, 0.1, 1.0], law.parameters[at].grid), rtol=1e-12)
 
