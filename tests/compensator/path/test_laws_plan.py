@@ -70,10 +70,38 @@ def test_move_abs_j_says_where_a_linear_move_starts(tmp_path) -> None:
     assert_allclose(plan.world_position[0], forward(robot(), np.radians([angles]), TOOL).position[0], atol=1e-12)
 
 
-def test_confdata_that_fits_nothing_is_said(tmp_path) -> None:
-    plan = planned(tmp_path, joint([10.0, 20, 30, 40, 50, 60], [3, 3, 3, 0]))
-    assert [(finding.code, finding.level, finding.target) for finding in plan.findings] == [("CS4001", "warning", 0)]
-    assert_allclose(np.degrees(plan.theta[0]), [10, 20, 30, 40, 50, 60], atol=1e-6)
+@pytest.mark.parametrize(("confdata", "why"), [
+    ([3, 3, 3, 0], "no reachable configuration has this target's confdata [3, 3, 3, 0]"), (None, ""),
+    ("cfThere", "the confdata of this target are not known")])
+@pytest.mark.parametrize("before", [None, [10.0, 20, 30, -140, -50, -120], "MoveAbsJ", "far"])
+def test_confdata_that_fit_nothing_or_are_unknown_are_said(
+    tmp_path: Path, confdata: list[int] | str | None, why: str, before: list[float] | str | None
+) -> None:
+    """The wrist the other way round is as the joints before it stand, which a MoveAbsJ says too; of a program's first target,
+    and behind one that is out of reach, the configuration nearest to zero is taken."""
+    theta, flipped = [10.0, 20, 30, 40, 50, 60], [10.0, 20, 30, -140, -50, -120]
+    move = joint(theta, confdata if isinstance(confdata, list) else None)
+    if isinstance(confdata, str):
+        move = move.replace(str(configuration(robot(), np.radians([theta]))[0].tolist()), confdata)
+    first = {"MoveAbsJ": f"MoveAbsJ [{flipped},[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;",
+             "far": "MoveJ [[9000,0,700],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;",
+             }.get(before) if isinstance(before, str) else None if before is None else joint(before)
+    plan = planned(tmp_path, *([first] if first else []), move)
+    turned = before not in (None, "far") and why
+    assert_allclose(np.degrees(plan.theta[-1]), flipped if turned else theta, atol=1e-6)
+    nearest = "the joints before it" if turned else "the joints' zero"
+    expected = f"{why}: the configuration nearest to {nearest} was taken"
+    number = len(plan.theta) - 1
+    assert [(one.code, one.level, one.message, one.file, one.line, one.target) for one in plan.findings] == (
+        [("CS4001", "warning", expected, "m.mod", 3 + number, number)] if why else [])
+
+
+def test_confdata_are_not_asked_on_a_linear_move_from_known_joints(tmp_path: Path) -> None:
+    """That the program's first move is none, is told."""
+    theta = [10.0, 20, 30, 40, 50, 60]
+    codes = [[one.code for one in planned(tmp_path, *moves).findings] for moves in (
+        [joint(theta), linear(theta, [3, 3, 3, 0])], [linear(theta, [3, 3, 3, 0]), linear(theta, [3, 3, 3, 0])])]
+    assert codes == [["CS4002"], ["CS4001", "CS4002"]]
 
 
 def test_out_of_reach_is_marked(tmp_path) -> None:
