@@ -7,10 +7,12 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from compensator.forces.log import ForceLog, read_force_log
-from compensator.forces.marks import _changes, placed_by_marks
+from compensator.forces.marks import _changes, has_marks, placed_by_marks
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError
 from identification.model.cell_file import ForceLogFile
@@ -48,6 +50,21 @@ def test_a_level_changes_half_way_between_two_samples(tmp_path: Path, header: st
     time, up = _changes(file, form)
     np.testing.assert_allclose(time, (0.0 if header == "number" else 5.0) + np.array([0.295, 0.495, 0.895]))
     assert up.tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("time", ["time_ms", ""])
+def test_of_a_log_in_batches_the_marks_are_those_of_all_of_it(tmp_path: Path, time: str) -> None:
+    """Of some 130 000 samples each: some are high throughout, the last is low. Without a clock it begins at zero."""
+    file, level = tmp_path / "log.parquet", levels(30, 300_000, 240_000, low=3.0, high=5.0)
+    columns = {"fx_n": level, "mark": level} | ({time: 100.0 + 4 * np.arange(len(level))} if time else {})
+    pq.write_table(pa.table(columns), file)
+    changed, up = _changes(file, ForceLogFile(rate_hz=250))
+    np.testing.assert_allclose(changed, (0.1 if time else 0.0) + 0.004 * np.array([29.5, 300_029.5]))
+    assert up.tolist() == [True, False]
+    log = cast(ForceLog, SimpleNamespace(source=str(file)))
+    assert has_marks(log, FORM)
+    pq.write_table(pa.table({"fx_n": np.ones(9)}), file)
+    assert not has_marks(log, FORM)
 
 
 @pytest.mark.parametrize(("between", "seen"), [(0.29, "low"), (0.31, "no"), (0.5, "no"), (0.69, "no"), (0.71, "high")])
@@ -120,6 +137,19 @@ def test_the_fastest_move_between_two_marks_counts(
         assert np.isfinite(placed_by_marks(log, FORM, here, ways).place).sum() == 40
 
 
+def test_marks_are_those_of_the_targets_in_the_order_in_which_they_are_driven(path: RobotPath, tmp_path: Path) -> None:
+    """The second half of the text first: its second target and its fifth switch, 30 mm apart."""
+    log, order = logged(tmp_path, levels(20, 60, 20)), np.roll(np.arange(21), -10)
+    placed = placed_by_marks(log, FORM, path, [(order, np.array([1, 4]))])
+    expected = np.sort(110 + 30 * (np.arange(60) + 0.5) / 60)
+    np.testing.assert_allclose(1e3 * placed.place[np.isfinite(placed.place)], expected, atol=1e-9)
+    assert "at targets 11 to 14" in next(one.message for one in placed.findings if one.code == "CS3090")
+    assert "CS3122" in {one.code for one in placed.findings}
+    with pytest.raises(CompstiffError) as stopped:
+        placed_by_marks(log, FORM, path, [(order[:1], np.array([0, 0]))])
+    assert stopped.value.findings[0].message.startswith("the routines run in another order than they stand in the text")
+
+
 def test_ways_that_switch_at_other_targets_are_refused_and_at_the_same_told(path: RobotPath, tmp_path: Path) -> None:
     log = logged(tmp_path, levels(20, 100, 20))
     at = np.array([2, 6])
@@ -141,6 +171,7 @@ TURNED = ("; it begins high, and counted from its first fall it has as many: is 
 @pytest.mark.parametrize(("level", "switches", "said"), [
     (levels(20, 100, 20), [[2], [2, 6, 7], [1, 3, 4]], "has 2 edges, the program switches its output at 1 or 3 targets"),
     (levels(0, 20, 100, 20, 30), [[2, 4, 6]], "has 2 edges, the program switches its output at 3 targets" + TURNED),
+    (levels(0, 20, 100, 20, 30), [[2, 4, 6], [2]], "has 2 edges, the program switches its output at 1 or 3 targets" + TURNED),
     (levels(0, 20, 100, 20, 30), [[2, 4, 6, 7]], "has 2 edges, the program switches its output at 4 targets"),
     (levels(0, 20, 100), [[3]], "has 0 edges, the program switches its output at 1 targets" + TURNED),
     (levels(140), [[3, 4]], "has one value from its first row to its last, the program switches its output at 2 targets")])

@@ -165,6 +165,14 @@ def test_of_a_long_log_four_samples_a_target_are_walked_and_all_are_placed() -> 
     assert np.abs(match_forwards(points, s, samples) - place).max() < 1e-9
 
 
+def test_where_a_program_has_many_targets_no_stop_between_them_is_lost() -> None:
+    """Every half millimetre one, and the tool waits at one for 31 samples, and is at the eighth behind it with the next."""
+    along = 5e-4 * np.arange(8001)
+    points = np.column_stack([along, 0 * along, 0 * along])
+    place = along[8 * (np.arange(32_000) // 32)]
+    assert np.abs(match_forwards(points, along, np.column_stack([place, 0 * place, 0 * place])) - place).max() < 1e-9
+
+
 def test_a_path_of_one_target_or_none_has_what_is_near() -> None:
     point, samples = np.array([[0.1, 0, 0.0]]), np.array([[0.1, 0, 0.0049], [0.1, 0, 0.0051]])
     np.testing.assert_array_equal(match_forwards(point, np.zeros(1), samples), [0.0, np.nan])
