@@ -112,7 +112,7 @@ class Segments:
             place, which = np.array(point), slice(behind, last) if last - behind < SOME else self.within(
                 np.array(point), min(math.sqrt(lowest), far), behind, last)
             distances, arcs = self.projections(place, which)
-            best = int(np.argmax(distances**2 <= distances.min() ** 2 + SAME)) if len(distances) else -1
-            if best >= 0 and distances[best] ** 2 < lowest - SAME:
-                smallest, arc = float(distances[best]) ** 2, float(arcs[best])
+            nearest = float(distances.min(initial=math.inf)) ** 2
+            if nearest < lowest - SAME:
+                smallest, arc = nearest, float(arcs[np.argmax(distances**2 <= nearest + SAME)])
         return math.sqrt(smallest), arc
