@@ -113,17 +113,24 @@ def test_a_line_too_near_to_zero_is_none() -> None:
     assert found.frequency == pytest.approx(4.5, rel=1e-2)
 
 
-def test_teeth_that_pass_faster_than_half_the_rate_have_rivals() -> None:
-    """One line, of 6 teeth at 233 Hz, folded back: nothing tells of which speed it is."""
-    line = 6 * 233.0
+@pytest.mark.parametrize(("line", "shown", "teeth"), [(1398.0, 602.0, [3, 4, 5, 7]), (1165.0, 835.0, [2, 3, 5])])
+def test_teeth_that_pass_faster_than_half_the_rate_have_rivals(line: float, shown: float, teeth: list[int]) -> None:
+    """A line that is folded back may stand where it shows, or where it is: of so many teeth, up to eight, of a spindle that
+    turns at most 667 times a second. One is named of those that are whole fractions of each other; of combs so dense that two
+    lines lie on them by chance, as of more teeth here, none is."""
     found = find_spindle(*drawn({folded(line): 1.0, folded(2 * line): 0.2}))
     assert found is not None
-    assert found.rivals
-    speeds = [found.frequency, *found.rivals]
-    for speed in speeds:
-        at = [folded(speed * k) for k in range(1, 60)]
-        assert min(abs(place - folded(line)) for place in at) < 2 * STEP
-    assert all(abs(np.round(b / a) * a - b) > 1.5 * STEP for a in speeds for b in speeds if a < b)
+    assert [found.frequency, *found.rivals] == pytest.approx([shown, *(line / number for number in teeth)], rel=1e-4)
+
+
+@pytest.mark.parametrize("bins", [41, 205])
+def test_what_would_lie_on_a_comb_by_chance_is_taken_off(bins: int) -> None:
+    """Three bins of the spectrum a line of it, of 2050."""
+    top = 820 // bins
+    speed = find_spindle(*drawn({bins * STEP: 0.2, 2 * bins * STEP: 0.2, top * bins * STEP: 0.6, OTHER * STEP: 0.15}, noise=1e-5))
+    assert speed is not None
+    chance, held = 3 * (2050 // bins) / 2050, 1 / 1.15
+    assert speed.share == pytest.approx((held - chance) / (1 - chance), abs=1e-3)
 
 
 def test_run_out_below_the_teeth_makes_a_turn_of_them() -> None:
