@@ -33,7 +33,7 @@ def log(override: float, start: float, width: float, count: int, noise: float = 
     planned = override * (time - start) - (0.0 if lag is None else lag)
     move = np.clip(np.searchsorted(TIME, planned), 1, len(TIME) - 1)
     cuts = ~AIR[move] & (planned > 0) & (planned < TIME[-1])
-    force = np.where(cuts[:, None], 80.0 + 60.0 * program().direction[move], 0.0) + [5.0, -3, 9]
+    force = np.where(cuts[:, None], 80.0 + 60.0 * program().direction[move], 0.0) + np.array([5.0, -3, 9])
     return Bins(time, force + np.random.default_rng(3).normal(0, noise, force.shape), np.ones(count), width)
 
 
@@ -87,7 +87,8 @@ def test_stretches_meet_half_way_through_the_air_and_long_ones_are_cut() -> None
     middles = [TIME[2 * k] + 1.0 for k in range(1, 6)]
     np.testing.assert_allclose(stretch_borders(program()), [0.0, *middles, 28.0])
     time = np.array([0.0, 1.0, 26.0, 28.0, 30.0, 32.0])
-    long = ProgramTime(time, time, np.array([True, True, False, True, False, True]), np.zeros(6, dtype=np.intp), np.zeros((6, 3)))
+    air = np.array([True, True, False, True, False, True])
+    long = ProgramTime(time, time, air, np.zeros(6, dtype=np.intp), np.zeros((6, 3)))
     np.testing.assert_allclose(stretch_borders(long), [0.0, 13.5, 27.0, 32.0])
 
 
@@ -160,3 +161,56 @@ def test_a_stretch_whose_force_is_another_is_odd(odd: int) -> None:
     regression, _ = slipped(np.zeros(10), odd=odd)
     borders = np.concatenate([[0.0], 6.0 * np.arange(1, 10) - 0.5, [59.0]])
     assert stretch_slips(regression, np.zeros(4)).odd == ((pytest.approx(borders[odd]), pytest.approx(borders[odd + 1])),)
+
+
+def walking(lag: Array, sigma: Array) -> tuple[Any, Any]:
+    """Ten stretches whose misfit is a parabola of their slip, by which each is known to sigma (10,) [s]; and what a walk of
+    normal numbers from stretch to stretch makes of that: mean and std on a grid whose cells are so wide [s]."""
+    regression, fine = slipped(np.zeros(10))
+    number = np.clip(((fine + 0.5) // 6.0).astype(int), 0, 9)
+    white = np.random.default_rng(8).normal(0, 2.0, len(fine))
+    noise = np.sum(white**2) / independent_values(np.column_stack([0 * white, white, 0 * white]))
+    slope = (np.sqrt(noise / np.bincount(number)) / sigma)[number]
+
+    def left(slip: Array | float) -> Array:
+        return np.column_stack([slope * (slip - lag[number]), white, 0 * white])
+
+    regression.seen = lambda _, state: state
+    regression.left = lambda seen, _: left(seen)
+    regression.fit = lambda _, slip: SimpleNamespace(residual=left(slip), coefficients=np.zeros((1, 3)))
+    precision = np.diag(1 / sigma**2)
+    precision[0, 0] += 1 / (0.5 * 0.4 * 6.0) ** 2
+    for k in range(9):
+        precision[k:k + 2, k:k + 2] += np.array([[1, -1], [-1, 1]]) / (0.03 * 6.0) ** 2
+    covariance = np.linalg.inv(precision)
+    return regression, lambda cell: (covariance @ (lag / sigma**2), np.sqrt(np.diag(covariance) + cell**2 / 12))
+
+
+MIDDLES = np.concatenate([[2.75], 6.0 * np.arange(1, 9) + 2.5, [56.25]])
+
+
+def test_the_slips_are_those_of_a_walk_whose_stretches_say_as_much_as_they_know() -> None:
+    """0.03 periods a step, from 0.2 periods about nothing at first; in 61 states over 0.4 periods to either side."""
+    rng = np.random.default_rng(4)
+    lag = np.cumsum(rng.normal(0, 0.15, 10))
+    regression, walk = walking(lag, rng.uniform(0.1, 0.4, 10))
+    slips = stretch_slips(regression, np.zeros(4))
+    fine = regression.planned(0)
+    mean, std = walk(2 * 0.4 * 6.0 / 60)
+    found = np.interp(MIDDLES, fine, slips.slip)
+    np.testing.assert_allclose(found, mean, atol=5e-3)
+    np.testing.assert_allclose(np.interp(MIDDLES, fine, slips.std), std, rtol=0.02)
+    left = float(np.sum(regression.fit(0, slips.slip).residual**2)) / regression.energy
+    assert slips.share == pytest.approx(1 - left)
+    assert slips.value == pytest.approx(0.5 * np.log(left) + 0.5 * np.sum((np.diff(found) / 0.18) ** 2) / slips.independent)
+
+
+@pytest.mark.parametrize(("sigma", "reach"), [(0.01, 0.15), (0.1, 0.6), (0.3, 2.4)])
+def test_slips_are_looked_for_as_finely_as_they_are_known(sigma: float, reach: float) -> None:
+    """Within a quarter of the reach where four sigma beside each of them are in that, and again, down to 5 ms a state."""
+    lag = np.where(np.arange(10) % 2, 0.01, -0.01)
+    regression, walk = walking(lag, np.full(10, sigma))
+    slips = fine_slips(regression, np.zeros(4), stretch_slips(regression, np.zeros(4)))
+    mean, std = walk(2 * reach / 60)
+    np.testing.assert_allclose(np.interp(MIDDLES, regression.planned(0), slips.slip), mean, atol=2e-3)
+    np.testing.assert_allclose(np.interp(MIDDLES, regression.planned(0), slips.std), std, rtol=0.03)

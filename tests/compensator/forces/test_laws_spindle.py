@@ -123,13 +123,14 @@ def test_teeth_that_pass_faster_than_half_the_rate_have_rivals(line: float, show
     assert [found.frequency, *found.rivals] == pytest.approx([shown, *(line / number for number in teeth)], rel=1e-4)
 
 
-@pytest.mark.parametrize("bins", [41, 205])
-def test_what_would_lie_on_a_comb_by_chance_is_taken_off(bins: int) -> None:
-    """Three bins of the spectrum a line of it, of 2050."""
+@pytest.mark.parametrize(("bins", "lines"), [(41, 50), (205, 40)])
+def test_what_would_lie_on_a_comb_by_chance_is_taken_off(bins: int, lines: int) -> None:
+    """Three bins of the spectrum a line of it, of 2050: its multiples to half the rate, or forty, those beyond folded back."""
     top = 820 // bins
-    speed = find_spindle(*drawn({bins * STEP: 0.2, 2 * bins * STEP: 0.2, top * bins * STEP: 0.6, OTHER * STEP: 0.15}, noise=1e-5))
+    comb_of = {bins * STEP: 0.2, 2 * bins * STEP: 0.2, top * bins * STEP: 0.6}
+    speed = find_spindle(*drawn(comb_of | {OTHER * STEP: 0.15}, noise=1e-5))
     assert speed is not None
-    chance, held = 3 * (2050 // bins) / 2050, 1 / 1.15
+    chance, held = 3 * lines / 2050, 1 / 1.15
     assert speed.share == pytest.approx((held - chance) / (1 - chance), abs=1e-3)
 
 
