@@ -201,3 +201,14 @@ def test_a_unit_that_is_switched_off_stands_until_it_is_on_again(tmp_path: Path)
         values = standing_values(replace(path.toolpath, external=external, switched=switched), path.cell)
         np.testing.assert_array_equal(values[:, 0], slide)
         np.testing.assert_array_equal(values[:, 1], external[:, 1] if switched[0][1] == "track_1" else 10.0)
+
+
+def test_the_limits_are_those_of_the_joints_and_of_the_axes_that_are_driven(tmp_path: Path) -> None:
+    """20 mm/s of the slide, 20 deg/s of either angle of the table."""
+    path = planned(CarriedJob(tmp_path, LINES, on="both", limits=LIMITS))
+    robot = path.cell.robot
+    np.testing.assert_allclose(path.limits.speed, [*robot.speed, 0.02, np.radians(20), np.radians(20)])
+    np.testing.assert_allclose(path.limits.acceleration, [*robot.acceleration, 0.04, np.radians(40), np.radians(40)])
+    unjudged = planned(CarriedJob(tmp_path, LINES, on="both"))
+    np.testing.assert_allclose(unjudged.limits.speed, robot.speed)
+    assert [axis.name for axis in unjudged.axes.unjudged] == ["eax_a", "eax_b", "eax_c"]
