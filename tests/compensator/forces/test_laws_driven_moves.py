@@ -150,6 +150,41 @@ def test_a_log_of_a_program_without_branches_may_be_of_all_its_moves(text: Robot
         assert found.order.tolist() == order.tolist()
 
 
+def test_ways_that_lead_to_the_same_places_need_no_telling(text: RobotPath, tmp_path: Path) -> None:
+    path = along_ways(text, Way(ROUND, WITH, False, (None,)), Way(ROUND, WITHOUT, False, (None,)))
+    found = as_driven(logged(tmp_path, np.arange(190.0)), path).log
+    np.testing.assert_allclose(1e3 * found.place, np.arange(190.0), atol=1e-6)
+    assert not said(found, "CS3123")
+
+
+def test_of_targets_that_are_driven_twice_the_first_time_counts(text: RobotPath, tmp_path: Path) -> None:
+    """To the end, back to the target 50 mm before it, and there again: samples nearer to what was driven before are left out,
+    and the others stand along the path."""
+    order = np.array([*ROUND, *range(10, 16)])
+    path = replace(text, toolpath=replace(text.toolpath, driven=order))
+    place = np.arange(0.5, 310.0)
+    found = as_driven(logged(tmp_path, place), path)
+    np.testing.assert_allclose(1e3 * found.log.place, [*place[place < 210], *[210.0] * 25], atol=1e-6)
+    assert found.log.time is None
+    np.testing.assert_allclose(1e3 * found.along.place, place, atol=1e-6)
+    assert said(found.log, "CS3122") == [(
+        "note", "followed along the moves as the calls drive them, which is not the order of the text; of targets that are "
+        "driven more than once the first time counts; 1 move at the feed of the cut that a call leads to (line 13) is looked "
+        "at at both ends alone")]
+
+
+@pytest.mark.parametrize(("key", "level"), [("path_mm", "warning"), ("x_mm,y_mm,z_mm", "note")])
+def test_moves_at_the_feed_of_a_cut_that_nothing_leads_to_are_warned_of(
+    text: RobotPath, tmp_path: Path, key: str, level: str
+) -> None:
+    """Unless positions show that the log is of none of them, or a branch may lead there."""
+    path = replace(text, toolpath=replace(text.toolpath, driven=STRAIGHT))
+    place = np.linspace(0, 130, 300) if key == "path_mm" else np.repeat(np.array(POINTS)[STRAIGHT], 3, axis=0)
+    found = as_driven(logged(tmp_path, place, key), path).log
+    [(told, message)] = said(found, "CS3122")
+    assert (told, "4 targets that no call or branch leads to" in message) == (level, True)
+
+
 def test_a_target_ahead_is_reached_from_the_one_that_is_driven_before_it(text: RobotPath, tmp_path: Path) -> None:
     """The second half of the text is driven first: the samples of a target lie evenly on the way there."""
     order = np.array([*range(10, 16), *range(10)])

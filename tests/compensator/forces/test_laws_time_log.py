@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from compensator.forces.program_time import ProgramTime
+from compensator.forces.alignment_regression import binned
+from compensator.forces.alignment_search import promise
+from compensator.forces.program_time import ProgramTime, program_time
 from compensator.forces.time_alignment import TimeAlignment
-from compensator.forces.time_log import _check_times, _not_believed, _odd_stretch
+from compensator.forces.time_log import _check_times, _not_believed, _odd_stretch, promise_by_time
 from identification.common.findings import CompstiffError
+from tests.compensator.path.test_laws_timing import lines, program
 
 GOOD: dict[str, Any] = {
     "length": np.zeros(1), "start": 0.0, "override": 1.0, "slip": 0.0, "score": 40.0, "share": 0.9, "rival": 5.0, "odd": (),
@@ -75,6 +79,7 @@ def test_times_that_say_nothing_are_refused() -> None:
     still = "the force never changes, or time does not: nothing says where the cut begins"
     assert refused(log_of(0 * time)) == ("CS3063", still, None)
     assert refused(log_of(time, np.tile([5.0, -3, 0], (100, 1)))) == ("CS3063", still, None)
+    assert refused(log_of(np.maximum(time, 1.0))) == ("", "", None)
     one_axis = np.tile([5.0, -3, 0], (100, 1))
     one_axis[70, 1] = 2.0
     assert refused(log_of(time, one_axis)) == ("", "", None)
@@ -88,7 +93,7 @@ def test_a_clock_in_another_unit_is_asked_about_instead(unit: str, factor: float
     """What else speaks against it is said of a log in seconds alone."""
     alignment = TimeAlignment(**{**GOOD, "share": 0.2})
     path: Any = SimpleNamespace(toolpath=SimpleNamespace(source="part.mod"))
-    found = _not_believed(log_of(np.array([3.0, 3.0 + 9.2 * factor])), path, PROGRAM, alignment)
+    found = _not_believed(log_of(3.0 + np.array([0.0, 2.0, 9.2]) * factor), path, PROGRAM, alignment)
     if not unit:
         assert found.message.endswith(": 20 % of the force follows the program, at least 50 % must")
         assert found.hint.startswith("is it the log of part.mod, from before its start to after its end?")
@@ -105,3 +110,20 @@ def test_the_one_stretch_that_may_be_odd_is_named_by_its_targets(stretch: tuple[
     assert (found.code, found.level, found.line, found.target) == ("CS3065", "warning", 100 + low, low)
     assert found.message.startswith(f"between targets {low} and {high} the force does not follow the program")
     assert _odd_stretch(path, PROGRAM, TimeAlignment(**GOOD)) == []
+
+
+@pytest.mark.parametrize(("cuts", "bins"), [(5, 64), (30, 139), (140, 500)])
+def test_a_quick_look_takes_four_bins_a_cut(tmp_path: Path, cuts: int, bins: int) -> None:
+    """64 of them at least and 500 at most, over a log that is 1.16 times as long as the program; a program without a way has
+    nothing to promise."""
+    points = [[1000.0 + 2 * k, 0, 700] for k in range(2 * cuts + 1)]
+    moves = [move.replace(",v10,", ",v300,") if k % 2 else move for k, move in enumerate(lines(points, "v10", "z0"))]
+    path = program(tmp_path, moves)
+    timed = program_time(path)
+    assert len(timed.stretches) == cuts
+    time = np.linspace(0, 1.16 * timed.duration, 4000)
+    there = np.clip(np.searchsorted(timed.time, time - 0.08 * timed.duration), 0, 2 * cuts)
+    force = np.where(timed.air[there], 0.0, 100.0)[:, None] * np.array([1.0, 0.5, -0.2])
+    log = log_of(time + 50.0, force)
+    assert promise_by_time(log, path) == pytest.approx(promise(timed, binned(time + 50.0, force, time[-1] / bins)))
+    assert promise_by_time(log, program(tmp_path, moves[:1])) == 0.0
