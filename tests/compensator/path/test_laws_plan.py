@@ -131,7 +131,9 @@ def test_a_controller_that_checks_configurations_stops(tmp_path, before: str, ow
     steps = [[10.0, 20, 30, 178 + 2 * i, -50, 60] for i in range(7)]
     plan = planned(tmp_path, joint(steps[0]), before, *(linear(theta, None if k < own else [0, 0, 0, 0])
                                                         for k, theta in enumerate(steps[1:], 1)))
-    assert [finding.level for finding in plan.findings if finding.code == "CS4002"] == [level]
+    [found] = [finding for finding in plan.findings if finding.code == "CS4002"]
+    assert (found.level, found.target, found.line) == (level, own, 4 + own)
+    assert found.message.startswith(f"{7 - own} targets with another configuration")
 
 
 def test_a_polyline_has_a_point_every_three_degrees_of_an_arc() -> None:
@@ -176,6 +178,7 @@ def test_a_frame_within_five_millimetres_of_the_world_is_in_metres(
 
 DATA = """PERS tooldata tA:=[TRUE,[[120,0,250],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];
 PERS tooldata tB:=[TRUE,[[0,30,200],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];
+PERS tooldata tC:=[TRUE,[[50,0,220],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];
 PERS wobjdata wA:=[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
 PERS wobjdata wB:=[FALSE,TRUE,"",[[-50,40,-30],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
 """
@@ -191,18 +194,18 @@ def with_frames(folder: Path, *moves: tuple[str, str, str]) -> RobotPath:
     return robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(write_cell(folder)))
 
 
-PLACES = {"tA": [0.12, 0, 0.25], "tB": [0, 0.03, 0.2], "wA": [0, 0, 0], "wB": [-0.05, 0.04, -0.03]}
+PLACES = {"tA": [0.12, 0, 0.25], "tB": [0, 0.03, 0.2], "tC": [0.05, 0, 0.22], "wA": [0, 0, 0], "wB": [-0.05, 0.04, -0.03]}
 
 
 def test_each_target_has_its_tool_and_its_work_object(tmp_path: Path) -> None:
-    moves = [("MoveL", "tA", "wA"), ("MoveL", "tB", "wB"), ("MoveL", "tA", "wB"), ("MoveL", "tB", "wB")]
+    moves = [("MoveL", "tA", "wA"), ("MoveL", "tB", "wB"), ("MoveL", "tA", "wB"), ("MoveL", "tB", "wB"), ("MoveL", "tC", "wA")]
     path = with_frames(tmp_path, *moves)
     assert_allclose(path.flange_from_tcp.position, [PLACES[tool] for _, tool, _ in moves])
     origins = np.array([PLACES[part] for *_, part in moves])
-    assert_allclose(path.world_position - origins, [[1.1, 1e-3 * k, 0.7] for k in range(4)])
-    groups = path.each_tool(np.array([3, 0, 2, 1]))
+    assert_allclose(path.world_position - origins, [[1.1, 1e-3 * k, 0.7] for k in range(5)])
+    groups = path.each_tool(np.array([3, 0, 2, 1, 4]))
     assert sorted((tuple(tool.position), places.tolist()) for tool, places in groups) == [
-        (tuple(PLACES["tB"]), [0, 3]), (tuple(PLACES["tA"]), [1, 2])]
+        (tuple(PLACES["tB"]), [0, 3]), (tuple(PLACES["tC"]), [4]), (tuple(PLACES["tA"]), [1, 2])]
     [(tool, places)] = path.each_tool(np.array([2, 0]))
     assert (tool.position.tolist(), places.tolist()) == (PLACES["tA"], [0, 1])
     assert path.each_tool(np.array([], dtype=int)) == []
