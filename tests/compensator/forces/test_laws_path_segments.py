@@ -82,8 +82,10 @@ def test_a_place_ahead_is_the_nearest_within_the_first_reach_that_comes_near(see
     rng = np.random.default_rng(seed)
     told = 0
     for number in range(80):
-        here = float(rng.uniform(0, 0.7 * s[-1]))
-        point = points[rng.integers(700)] + rng.normal(0, (1e-4, 1.5e-3)[number % 2], 3)
+        here = 0.0 if number < 8 else float(rng.uniform(0, 0.7 * s[-1]))
+        # Anywhere, or where the walk stands.
+        at = int(np.searchsorted(s, here)) if number % 8 < 4 else rng.integers(700)
+        point = points[at] + rng.normal(0, (1e-4, 1.5e-3)[number % 2], 3)
         off = float(rng.choice([1e-4, 1e-3, 3e-3]))
         distance, arc = every(points, s, point)
         begun = np.flatnonzero(s[:-1] <= here - BACK)
@@ -177,6 +179,8 @@ def test_a_path_of_one_target_or_none_has_what_is_near() -> None:
     point, samples = np.array([[0.1, 0, 0.0]]), np.array([[0.1, 0, 0.0049], [0.1, 0, 0.0051]])
     np.testing.assert_array_equal(match_forwards(point, np.zeros(1), samples), [0.0, np.nan])
     np.testing.assert_array_equal(match_forwards(np.empty((0, 3)), np.zeros(0), samples), [np.nan, np.nan])
+    away = np.array([[0, 0, 0], [0.05, 0, 0.0]])
+    np.testing.assert_array_equal(match_forwards(away, np.array([0.0, 0.05]), samples), [np.nan, np.nan])
 
 
 @pytest.mark.parametrize(("aside", "start"), [(0.2e-3, 1e-3), (0.6e-3, 18e-3)])
