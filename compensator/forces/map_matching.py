@@ -120,8 +120,8 @@ def _start(segments: Segments, samples: Array) -> float:
 
 class _Walk:
     """Samples matched one after the other from an arc length on without a leap; for each of them `off`, how far it is off
-    the path [m], at most OFF_PATH, `arcs`, where it is matched, NaN where it is not on the path, and `before`, where the walk
-    stood.
+    the path [m], at most OFF_PATH, `near`, where it lies on it, NaN where it is off, `arcs`, the same where it is matched: the
+    first sample at once, later ones that are not quite on the path after some in a row, and `before`, where the walk stood.
 
     Each depends on the one before and looks at a few segments: plain numbers are quicker here than small arrays.
     """
@@ -129,8 +129,9 @@ class _Walk:
     def __init__(self, segments: Segments, start: float) -> None:
         self.segments, self.here, self.first = segments, start, 0
         self.last: list[float] | None = None
-        self.misses = 0
+        self.misses = MISSES
         self.off: list[float] = []
+        self.near: list[float] = []
         self.arcs: list[float] = []
         self.before: list[float] = []
 
@@ -143,11 +144,12 @@ class _Walk:
             first = segments.holding(here - BACK, first)
             distance, arc = segments.nearest(point, first, here - BACK, here + 3 * step + 1e-4, OFF_PATH)
             misses = 0 if distance <= NEAR else misses + 1
-            if (misses == 0 or misses >= MISSES) and distance <= OFF_PATH:
-                here, last = max(here, arc), point
-                self.arcs.append(here)
-            else:
-                self.arcs.append(math.nan)
+            near = max(here, arc) if distance <= OFF_PATH else math.nan
+            matched = (misses == 0 or misses >= MISSES) and distance <= OFF_PATH
+            if matched:
+                here, last = near, point
+            self.near.append(near)
+            self.arcs.append(near if matched else math.nan)
             self.off.append(min(distance, OFF_PATH))
         self.here, self.first, self.last, self.misses = here, first, last, misses
         return self.off
@@ -157,9 +159,9 @@ def _match(segments: Segments, samples: Array, start: float) -> Array:
     """Arc length (k,) [m] of samples (k, 3), one after the other from arc length `start` on, NaN where one is not on the path.
 
     After so many misses a place farther ahead is tried, where the log left out some of the path. A corner cut by its zone is
-    off the path, too: the walk is always TRIAL samples ahead, and what comes after tells.
+    off the path, too: the walk is always TRIAL samples ahead, and what comes after tells; behind the last one nothing does.
     """
-    found = np.empty(len(samples))
+    found, near = np.empty(len(samples)), np.empty(len(samples))
     walk, begin = _Walk(segments, start), 0
     misses, next_search = 0, MISSES
     for number in range(len(samples)):
@@ -178,7 +180,10 @@ def _match(segments: Segments, samples: Array, start: float) -> Array:
                 if ahead is not None and (leap := _better(segments, later, ahead, walk.off[k:k + TRIAL])):
                     walk, begin, k = leap, number, 0
                     misses, next_search = 0, MISSES
-        found[number] = walk.arcs[k]
+        found[number], near[number] = walk.arcs[k], walk.near[k]
+    matched = np.flatnonzero(~np.isnan(found))
+    last = int(matched[-1]) if len(matched) else len(found)
+    found[last:] = near[last:]
     return found
 
 

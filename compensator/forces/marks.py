@@ -74,7 +74,7 @@ def _ways(
             raise error("CS3088", f"the column {MARK} has one value from its first row to its last, the program switches its "
                         f"output at {counts} targets", file=log.source,
                         hint="is the output wired to the input that is logged, and is this the log of the marked program?")
-        low = changes > edges and any(len(at) == changes for _, at in ways)
+        low = any(len(at) == changes for _, at in ways)
         turned = ("; it begins high, and counted from its first fall it has as many: is the wire active low, high while the "
                   "output is off?" if low else "")
         hint = (f"turn the column {MARK} over, or the input: high while the output is on" if low else
@@ -95,7 +95,7 @@ def _at_marks(log: ForceLog, path: RobotPath, edges: Array, at: Indices, target:
     # A feed that is not known, of a move in the air as like as not, leaves open how fast it was.
     programmed = np.array([np.max(feed[a + 1:b + 1], initial=0.0) for a, b in pairwise(at.tolist())])
     with np.errstate(divide="ignore"):
-        faster = np.where(programmed > 0, np.diff(length) / lasting / np.where(programmed > 0, programmed, 1.0), 0.0)
+        faster = np.divide(np.diff(length) / lasting, programmed, out=np.zeros(len(lasting)), where=programmed > 0)
     if len(faster) and faster.max() > FASTER:
         k = int(faster.argmax())
         raise error("CS3089", f"between the marks at targets {target[k]} and {target[k + 1]} the log drives {faster[k]:.1f} "

@@ -92,10 +92,9 @@ class Segments:
         x, y, z = point
         lowest = smallest = math.inf
         arc = 0.0
-        index = first
-        for index, (start, length, ax, ay, az, vx, vy, vz, square) in enumerate(
-                self.rows[first - self.base:first - self.base + FEW], first):
-            if start >= reach and index > first:
+        rows = self.rows[first - self.base:first - self.base + FEW]
+        for start, length, ax, ay, az, vx, vy, vz, square in rows:
+            if start >= reach:
                 return math.sqrt(smallest), arc
             ox, oy, oz = x - ax, y - ay, z - az
             along = ox * vx + oy * vy + oz * vz
@@ -108,12 +107,12 @@ class Segments:
             cost = gap + BEHIND if there < least else gap
             if cost < lowest - SAME:
                 lowest, smallest, arc = cost, gap, there
-        last = max(int(np.searchsorted(self.s[:-1], reach, side="left")), first + 1)
-        if last > index + 1:
-            place, which = np.array(point), slice(index + 1, last) if last - index <= SOME else self.within(
-                np.array(point), min(math.sqrt(lowest), far), index + 1, last)
+        behind, last = first + len(rows), int(np.searchsorted(self.s[:-1], reach, side="left"))
+        if last > behind:
+            place, which = np.array(point), slice(behind, last) if last - behind < SOME else self.within(
+                np.array(point), min(math.sqrt(lowest), far), behind, last)
             distances, arcs = self.projections(place, which)
-            best = int(np.argmax(distances**2 <= distances.min() ** 2 + SAME)) if len(distances) else -1
-            if best >= 0 and distances[best] ** 2 < lowest - SAME:
-                smallest, arc = float(distances[best]) ** 2, float(arcs[best])
+            nearest = float(distances.min(initial=math.inf)) ** 2
+            if nearest < lowest - SAME:
+                smallest, arc = nearest, float(arcs[np.argmax(distances**2 <= nearest + SAME)])
         return math.sqrt(smallest), arc

@@ -47,9 +47,8 @@ class Payload:
     moment_covariance: Array | None = None
 
     def __post_init__(self) -> None:
-        read_only(self.bias, self.bias_std, self.turn)
-        if self.centre is not None and self.centre_std is not None:
-            read_only(self.centre, self.centre_std)
+        held = (self.bias, self.bias_std, self.turn, self.centre, self.centre_std)
+        read_only(*(array for array in held if array is not None))
 
     @property
     def told_from_none(self) -> bool:
@@ -129,9 +128,9 @@ def _least_squares(design: Array, values: Array, noise: Array | None) -> tuple[A
     dof = int(len(values) - design.shape[1])
     square = float(np.sum((values - design @ parameters) ** 2))
     scatter = float(np.sqrt(square / dof))
-    expected = 0.0 if noise is None else float(noise**2 @ (1 - np.einsum("ni,ij,nj->n", design, normal, design)))
-    if noise is None or expected <= 0:
+    if noise is None or not noise.any():
         return parameters, np.asarray(scatter**2 * normal), scatter, dof
+    expected = float(noise**2 @ (1 - np.einsum("ni,ij,nj->n", design, normal, design)))
     weighed, more = noise[:, None] * design, max(square / expected, 1.0)
     return parameters, np.asarray(more * normal @ (weighed.T @ weighed) @ normal), scatter, dof
 

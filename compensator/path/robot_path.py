@@ -258,11 +258,13 @@ def _follow(
         angles, branch, guessed = anchor
         if guessed:
             follows[start] = False
+            target = int(where[start])
+            why = (f"no reachable configuration has this target's confdata {toolpath.confdata[target].tolist()}"
+                   if toolpath.has_confdata[target] else "the confdata of this target are not known")
+            nearest = "the joints' zero" if previous is None else "the joints before it"
             findings.append(Finding(
-                "CS4001", "warning", "no reachable configuration has this target's confdata "
-                f"{toolpath.confdata[where[start]].tolist()}; the nearest was taken" if toolpath.has_confdata[where[start]]
-                else "no confdata: the configuration nearest to the joints' zero was taken", file=toolpath.source,
-                line=int(toolpath.line[where[start]]), target=int(where[start]),
+                "CS4001", "warning", f"{why}: the configuration nearest to {nearest} was taken", file=toolpath.source,
+                line=int(toolpath.line[target]), target=target,
                 hint="another configuration yields differently under load: check it on the robot"))
         stop = int(ends[np.searchsorted(ends, start, side="right")])
         if branch not in branches:

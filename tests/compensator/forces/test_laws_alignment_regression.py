@@ -111,10 +111,11 @@ def test_force_on_air_moves_is_told_as_a_share_of_that_on_cuts(in_air: float, mo
     assert found == pytest.approx(told, abs=0.05)
 
 
-def test_bins_are_means_of_their_samples_and_empty_ones_count_for_nothing() -> None:
-    time, force = np.array([5.0, 5.2, 5.9, 8.1, 9.0]), np.arange(15.0).reshape(5, 3)
-    bins = binned(time, force, 1.0)
-    np.testing.assert_allclose(bins.time, [5.5, 6.5, 7.5, 8.5, 9.5])
+@pytest.mark.parametrize("width", [1.0, 0.25])
+def test_bins_are_means_of_their_samples_and_empty_ones_count_for_nothing(width: float) -> None:
+    time, force = 5.0 + width * np.array([0.0, 0.2, 0.9, 3.1, 4.0]), np.arange(15.0).reshape(5, 3)
+    bins = binned(time, force, width)
+    np.testing.assert_allclose(bins.time, 5.0 + width * np.array([0.5, 1.5, 2.5, 3.5, 4.5]))
     np.testing.assert_array_equal(bins.weight, [1, 0, 0, 1, 1])
     np.testing.assert_allclose(bins.force[[0, 3, 4]], [force[:3].mean(axis=0), force[3], force[4]])
     np.testing.assert_allclose(bins.centred.sum(axis=0), 0, atol=1e-12)

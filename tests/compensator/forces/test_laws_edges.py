@@ -40,6 +40,32 @@ def test_what_the_force_does_inside_the_cut_is_no_edge() -> None:
     np.testing.assert_allclose(np.delete(found, 2, axis=0), 0.0, atol=1e-5)
 
 
+def test_the_scatter_inside_a_cut_is_that_of_targets_with_force_and_several_rows() -> None:
+    """Of two such, where more are in the air, and more have one row."""
+    target = np.concatenate([np.repeat(np.arange(9), 40), [9, 10, 11, 12]])
+    cut = np.arange(len(target)) >= 6 * 40 + 20
+    force = np.where(cut[:, None], FORCE * (1 + 0.2 * (-1.0) ** np.arange(len(target)))[:, None], 0.0)
+    rows = TargetRows(13, target, np.ones(len(target)))
+    mean = rows.mean(force)
+    found = at_edges(rows, force, mean, np.linalg.norm(mean, axis=1) > 0)
+    np.testing.assert_allclose(found[6], np.abs(FORCE) * np.sqrt(0.25 + 0.02 - 0.04), rtol=1e-9)
+
+
+@pytest.mark.parametrize("air", [1, 40])
+def test_a_neighbour_in_the_air_has_an_edge_beside_it_however_few_samples_show_it(air: int) -> None:
+    """The first target, and a second one whose cut begins half way and is all there is of it; behind it is no sample."""
+    target = np.concatenate([np.zeros(air, dtype=int), np.ones(40, dtype=int)])
+    force = np.where(np.arange(air + 40)[:, None] >= air + 20, FORCE, 0.0)
+    rows = TargetRows(3, target, np.ones(air + 40))
+    mean = rows.mean(force)
+    found = at_edges(rows, force, mean, np.linalg.norm(mean, axis=1) > 0)
+    np.testing.assert_allclose(found, [[0, 0, 0], np.abs(FORCE) / 2, [0, 0, 0]], rtol=1e-9)
+    # Where nothing was logged beside it either, nobody knows.
+    alone = TargetRows(3, np.ones(40, dtype=int), np.ones(40))
+    mean = alone.mean(force[air:])
+    np.testing.assert_array_equal(at_edges(alone, force[air:], mean, np.linalg.norm(mean, axis=1) > 0), 0.0)
+
+
 @pytest.mark.parametrize(("weaker", "edge"), [(0.45, True), (0.55, False)])
 def test_an_edge_is_where_a_neighbour_has_under_half_of_the_force(weaker: float, edge: bool) -> None:
     """A step between two targets of many samples, of which the stronger has a sample of the other side; a target without

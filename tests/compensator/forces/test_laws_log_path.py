@@ -9,6 +9,7 @@ import pytest
 
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
+from compensator.forces.one_pass import said_of_lost, targets_of
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError
 from tests.compensator.forces.test_contract_placement import log_text, plan
@@ -46,10 +47,27 @@ def test_samples_beside_the_path_are_told_by_the_middle_of_them(
     found = [one for one in placed.findings if one.code == "CS3120"]
     assert [(one.level, one.file, one.message) for one in found] == ([(
         "warning", str(tmp_path / "forces.csv"), f"the samples lie beside the path, {said}")] if said else [])
-    # Of what begins over half a millimetre beside the path the first samples are not used.
-    np.testing.assert_allclose(1e3 * placed.place[8:], np.linspace(0, REACH, 201)[8:], atol=1e-6)
+    np.testing.assert_allclose(1e3 * placed.place, np.linspace(0, REACH, 201), atol=1e-6)
     assert placed.beside is not None
     np.testing.assert_allclose(1e3 * placed.beside[[10, 12]], [off, -np.array(off)], atol=1e-9)
+
+
+@pytest.mark.parametrize("number", [1, 4, 5, 6])
+@pytest.mark.parametrize(("off", "lost"), [(0.4, False), (0.6, False), (4.9, False), (5.1, True)])
+@pytest.mark.parametrize("end", [False, True])
+def test_samples_at_either_end_lie_where_they_are_nearest_or_are_told(
+    path: RobotPath, tmp_path: Path, number: int, off: float, lost: bool, end: bool
+) -> None:
+    """Some of them beside the path, 4 mm apart along it: beyond 5 mm they are not used, and said."""
+    place = along(101)
+    beside = np.arange(101) >= 101 - number if end else np.arange(101) < number
+    place[beside, 2] += off
+    placed = on_path(by_position(tmp_path, place), path)
+    expected = np.where(beside & lost, np.nan, np.linspace(0, REACH, 101))
+    np.testing.assert_allclose(1e3 * placed.place, expected, atol=1e-6)
+    said = said_of_lost(placed, targets_of(placed, path) >= 0)
+    assert [(one.code, one.message, one.line) for one in said] == (
+        [("CS3007", f"{number} of 101 samples not on the path, not used", 103 - number if end else 2)] if lost else [])
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("metres", 1e3), ("inches", 25.4), ("micrometres", 1e-3)])

@@ -142,3 +142,73 @@ def test_an_axis_stands_that_is_written_alike_to_a_tenth_of_a_micrometre(tmp_pat
     ends = np.array([[950.0, 12.0, -20.0], [950.0 + way, 12.0, -20.0]])
     axes = planned(CarriedJob(tmp_path, LINES, on="slide", ends=ends)).axes
     assert (axes.moves, axes.base_moves) == (moves, moves)
+
+
+@pytest.mark.parametrize("on", ["slide", "table", "both"])
+def test_frames_and_directions_go_to_the_resting_frame_and_back(tmp_path: Path, on: str) -> None:
+    """All of them, or those of some targets; the path there is that over the part as it lies at the first target."""
+    job = CarriedJob(tmp_path, LINES, on=on)
+    path = planned(job)
+    axes, some = path.axes, np.array([3, 1])
+    assert (axes.moves, axes.base_moves) == (True, on != "table")
+    [part] = path.used_frames.workobjects
+    np.testing.assert_allclose(part.position, job.in_world.p, atol=1e-7)
+    np.testing.assert_allclose(part.rotation, job.in_world.r.as_matrix(), atol=1e-6)
+    points = np.array([pose.p for pose in job.poses])
+    np.testing.assert_allclose(path.world_position, job.in_world.p + job.in_world.r.apply(points), atol=1e-6)
+    back = axes.to_base(path.rest_from_tcp)
+    np.testing.assert_allclose(back.position, path.base_from_tcp.position, atol=1e-12)
+    rest_and_base = path.rest_from_tcp, path.base_from_tcp
+    for there, whole, here in ((axes.to_rest, *rest_and_base), (axes.to_base, *rest_and_base[::-1])):
+        few = there(here[some], some)
+        np.testing.assert_allclose(few.position, whole.position[some], atol=1e-12)
+        np.testing.assert_allclose(few.rotation, whole.rotation[some], atol=1e-12)
+    # A direction over the part goes with it.
+    turned = job.stands(job.values)[1]
+    over_part = np.random.default_rng(2).normal(size=(len(points), 3))
+    rest = turned[0].apply(over_part) if on != "slide" else over_part
+    base = turned.apply(over_part) if on != "slide" else over_part
+    np.testing.assert_allclose(axes.turned_to_base(rest), base, atol=1e-6)
+    np.testing.assert_allclose(axes.turned_to_base(rest[some], some), base[some], atol=1e-6)
+    np.testing.assert_allclose(axes.turned_to_rest(base), rest, atol=1e-6)
+    np.testing.assert_allclose(axes.turned_to_rest(base[some], some), rest[some], atol=1e-6)
+
+
+def test_where_no_axis_moves_the_resting_frame_is_the_base(tmp_path: Path) -> None:
+    path = planned(CarriedJob(tmp_path, LINES, on="both", ends=np.tile([[950.0, 12.0, -20.0]], (2, 1))))
+    axes, vectors = path.axes, np.eye(3)
+    assert not axes.moves
+    assert not axes.base_moves
+    assert axes.to_rest(path.base_from_tcp) is axes.to_base(path.base_from_tcp) is path.base_from_tcp
+    assert axes.turned_to_rest(vectors) is axes.turned_to_base(vectors) is vectors
+
+
+def test_on_a_circle_point_in_line_axes_stand_by_the_chords() -> None:
+    position = np.array([[0, 0, 0], [0.03, 0, 0], [0.1, 0, 0], [0.2, 0, 0.0]])
+    assert _share_of_arc(position, np.array([1])) == pytest.approx([0.3])
+
+
+def test_a_unit_that_is_switched_off_stands_until_it_is_on_again(tmp_path: Path) -> None:
+    """What the program writes for it then counts for nothing; that another one is switched on does not either."""
+    path = planned(CarriedJob(tmp_path, LINES, on="both"))
+    count = len(path.toolpath)
+    external = np.full((count, 6), np.nan)
+    external[:, 0], external[:, 1] = 100.0 + np.arange(count), 10.0 + np.arange(count)
+    for switched, slide in (
+            (((1, "track_1", False), (2, "stn1", True), (count - 1, "track_1", True)), [100.0] * (count - 1) + [99.0 + count]),
+            (((2, "track_1", False),), [100.0, 101.0] + [101.0] * (count - 2)),
+            (((1, "stn1", False),), 100.0 + np.arange(count))):
+        values = standing_values(replace(path.toolpath, external=external, switched=switched), path.cell)
+        np.testing.assert_array_equal(values[:, 0], slide)
+        np.testing.assert_array_equal(values[:, 1], external[:, 1] if switched[0][1] == "track_1" else 10.0)
+
+
+def test_the_limits_are_those_of_the_joints_and_of_the_axes_that_are_driven(tmp_path: Path) -> None:
+    """20 mm/s of the slide, 20 deg/s of either angle of the table."""
+    path = planned(CarriedJob(tmp_path, LINES, on="both", limits=LIMITS))
+    robot = path.cell.robot
+    np.testing.assert_allclose(path.limits.speed, [*robot.speed, 0.02, np.radians(20), np.radians(20)])
+    np.testing.assert_allclose(path.limits.acceleration, [*robot.acceleration, 0.04, np.radians(40), np.radians(40)])
+    unjudged = planned(CarriedJob(tmp_path, LINES, on="both"))
+    np.testing.assert_allclose(unjudged.limits.speed, robot.speed)
+    assert [axis.name for axis in unjudged.axes.unjudged] == ["eax_a", "eax_b", "eax_c"]

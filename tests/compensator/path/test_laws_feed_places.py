@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.optimize import brentq
 
 from compensator.path.feasibility import FeedCheck, check_feed, judge
 from compensator.path.timing import drive
@@ -127,6 +128,39 @@ def test_moves_beside_a_target_out_of_reach(tmp_path: Path) -> None:
     assert found.message.startswith("2 moves from or to a target whose joint angles are not known")
     assert check.as_dict()["planned"]["judged"] == 2
     assert_allclose(check.before.drive.time[-1], 0.05 / 0.05 + 0.04 / 0.05, rtol=0.05)
+
+
+FOLDED, STRETCHED = (np.hypot(IRB6660.elbow, IRB6660.forearm) + sign * IRB6660.lower_arm for sign in (-1, 1))
+
+
+def from_axis_2(x: float, z: float) -> float:
+    """How far [m] the wrist is from axis 2 with the tool straight before the robot."""
+    wrist = (Frame(np.array([x, 0, z]), Rotation.from_matrix(DOWN)) @ TCP.inv() @ Frame(np.array([0, 0, -0.2]), TCP.r)).p
+    return float(np.hypot(abs(wrist[0]) - IRB6660.shoulder, wrist[2] - IRB6660.height))
+
+
+@pytest.mark.parametrize(("share", "lost"), [(0.98, True), (1.02, False)])
+def test_a_line_past_the_robot_can_be_followed_that_keeps_the_arm_from_folding_up(
+    tmp_path: Path, share: float, lost: bool
+) -> None:
+    """From 0.2 m beside it to 0.2 m on the other side, and nearest to axis 2 in the middle."""
+    x = brentq(lambda x: from_axis_2(x, 0.4) - share * FOLDED, 0.3, 0.6)
+    plan = program(tmp_path, lines([[1e3 * x, -200, 400], [1e3 * x, 200, 400]], "v100", "z1"))
+    check = check_feed(judge(plan, forced(2, [])), strict=False)
+    assert [(one.target, one.message) for one in told(check, "CS4404")] == [
+        (1, "as planned: between 1 pair of targets the robot cannot follow the straight line or arc; these moves were not "
+            "judged")] * lost
+    assert check.as_dict()["planned"]["judged"] == 1 - lost
+
+
+@pytest.mark.parametrize(("share", "known"), [(0.999, True), (1.001, False)])
+def test_a_move_to_a_target_at_arms_length_is_judged_and_one_beyond_is_not(tmp_path: Path, share: float, known: bool) -> None:
+    x = brentq(lambda x: from_axis_2(x, 0.7) - share * STRETCHED, 1.5, 3.0)
+    plan = program(tmp_path, lines([[1e3 * x - 100, 0, 700], [1e3 * x, 0, 700]], "v50", "fine"))
+    check = check_feed(judge(plan, forced(2, [])), strict=False)
+    said = "1 move from or to a target whose joint angles are not known: neither judged nor timed"
+    assert [(one.target, one.line, one.message) for one in told(check, "CS4404")] == [(1, FIRST_LINE + 1, said)] * (not known)
+    assert check.as_dict()["planned"]["judged"] == known
 
 
 @pytest.mark.parametrize(("wrist", "cut", "noted"), [(1.3, [], True), (3.0, [], False), (1.3, [0, 1, 2], False)])

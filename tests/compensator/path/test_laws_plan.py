@@ -70,10 +70,38 @@ def test_move_abs_j_says_where_a_linear_move_starts(tmp_path) -> None:
     assert_allclose(plan.world_position[0], forward(robot(), np.radians([angles]), TOOL).position[0], atol=1e-12)
 
 
-def test_confdata_that_fits_nothing_is_said(tmp_path) -> None:
-    plan = planned(tmp_path, joint([10.0, 20, 30, 40, 50, 60], [3, 3, 3, 0]))
-    assert [(finding.code, finding.level, finding.target) for finding in plan.findings] == [("CS4001", "warning", 0)]
-    assert_allclose(np.degrees(plan.theta[0]), [10, 20, 30, 40, 50, 60], atol=1e-6)
+@pytest.mark.parametrize(("confdata", "why"), [
+    ([3, 3, 3, 0], "no reachable configuration has this target's confdata [3, 3, 3, 0]"), (None, ""),
+    ("cfThere", "the confdata of this target are not known")])
+@pytest.mark.parametrize("before", [None, [10.0, 20, 30, -140, -50, -120], "MoveAbsJ", "far"])
+def test_confdata_that_fit_nothing_or_are_unknown_are_said(
+    tmp_path: Path, confdata: list[int] | str | None, why: str, before: list[float] | str | None
+) -> None:
+    """The wrist the other way round is as the joints before it stand, which a MoveAbsJ says too; of a program's first target,
+    and behind one that is out of reach, the configuration nearest to zero is taken."""
+    theta, flipped = [10.0, 20, 30, 40, 50, 60], [10.0, 20, 30, -140, -50, -120]
+    move = joint(theta, confdata if isinstance(confdata, list) else None)
+    if isinstance(confdata, str):
+        move = move.replace(str(configuration(robot(), np.radians([theta]))[0].tolist()), confdata)
+    first = {"MoveAbsJ": f"MoveAbsJ [{flipped},[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;",
+             "far": "MoveJ [[9000,0,700],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;",
+             }.get(before) if isinstance(before, str) else None if before is None else joint(before)
+    plan = planned(tmp_path, *([first] if first else []), move)
+    turned = before not in (None, "far") and why
+    assert_allclose(np.degrees(plan.theta[-1]), flipped if turned else theta, atol=1e-6)
+    nearest = "the joints before it" if turned else "the joints' zero"
+    expected = f"{why}: the configuration nearest to {nearest} was taken"
+    number = len(plan.theta) - 1
+    assert [(one.code, one.level, one.message, one.file, one.line, one.target) for one in plan.findings] == (
+        [("CS4001", "warning", expected, "m.mod", 3 + number, number)] if why else [])
+
+
+def test_confdata_are_not_asked_on_a_linear_move_from_known_joints(tmp_path: Path) -> None:
+    """That the program's first move is none, is told."""
+    theta = [10.0, 20, 30, 40, 50, 60]
+    codes = [[one.code for one in planned(tmp_path, *moves).findings] for moves in (
+        [joint(theta), linear(theta, [3, 3, 3, 0])], [linear(theta, [3, 3, 3, 0]), linear(theta, [3, 3, 3, 0])])]
+    assert codes == [["CS4002"], ["CS4001", "CS4002"]]
 
 
 def test_out_of_reach_is_marked(tmp_path) -> None:
@@ -103,7 +131,9 @@ def test_a_controller_that_checks_configurations_stops(tmp_path, before: str, ow
     steps = [[10.0, 20, 30, 178 + 2 * i, -50, 60] for i in range(7)]
     plan = planned(tmp_path, joint(steps[0]), before, *(linear(theta, None if k < own else [0, 0, 0, 0])
                                                         for k, theta in enumerate(steps[1:], 1)))
-    assert [finding.level for finding in plan.findings if finding.code == "CS4002"] == [level]
+    [found] = [finding for finding in plan.findings if finding.code == "CS4002"]
+    assert (found.level, found.target, found.line) == (level, own, 4 + own)
+    assert found.message.startswith(f"{7 - own} targets with another configuration")
 
 
 def test_a_polyline_has_a_point_every_three_degrees_of_an_arc() -> None:
@@ -144,3 +174,77 @@ def test_a_frame_within_five_millimetres_of_the_world_is_in_metres(
     expected = [(f"{name} is {away_mm:g} mm from the world's origin: is it in metres?", file, line)] if said else []
     assert told("\\WObj:=wPart") == expected
     assert told("") == (expected if stated == "base_frame" else [])
+
+
+DATA = """PERS tooldata tA:=[TRUE,[[120,0,250],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];
+PERS tooldata tB:=[TRUE,[[0,30,200],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];
+PERS tooldata tC:=[TRUE,[[50,0,220],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];
+PERS wobjdata wA:=[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+PERS wobjdata wB:=[FALSE,TRUE,"",[[-50,40,-30],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+"""
+ABSOLUTE = "MoveAbsJ [[10,20,30,40,50,60],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tB\\WObj:=wB;"
+
+
+def with_frames(folder: Path, *moves: tuple[str, str, str]) -> RobotPath:
+    """Moves of a kind, each by a tool and in a work object; each to 1100 mm, 0 mm, 700 mm and its number along y."""
+    rest = "[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]"
+    rows = [f"{kind} [[1100,{k},700],{rest}],v100,fine,{tool}\\WObj:={part};" if kind != "MoveAbsJ" else ABSOLUTE
+            for k, (kind, tool, part) in enumerate(moves)]
+    text = f"MODULE M\n{DATA}PROC main()\n" + "\n".join(rows) + "\nENDPROC\nENDMODULE\n"
+    return robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(write_cell(folder)))
+
+
+PLACES = {"tA": [0.12, 0, 0.25], "tB": [0, 0.03, 0.2], "tC": [0.05, 0, 0.22], "wA": [0, 0, 0], "wB": [-0.05, 0.04, -0.03]}
+
+
+def test_each_target_has_its_tool_and_its_work_object(tmp_path: Path) -> None:
+    moves = [("MoveL", "tA", "wA"), ("MoveL", "tB", "wB"), ("MoveL", "tA", "wB"), ("MoveL", "tB", "wB"), ("MoveL", "tC", "wA")]
+    path = with_frames(tmp_path, *moves)
+    assert_allclose(path.flange_from_tcp.position, [PLACES[tool] for _, tool, _ in moves])
+    origins = np.array([PLACES[part] for *_, part in moves])
+    assert_allclose(path.world_position - origins, [[1.1, 1e-3 * k, 0.7] for k in range(5)])
+    groups = path.each_tool(np.array([3, 0, 2, 1, 4]))
+    assert sorted((tuple(tool.position), places.tolist()) for tool, places in groups) == [
+        (tuple(PLACES["tB"]), [0, 3]), (tuple(PLACES["tC"]), [4]), (tuple(PLACES["tA"]), [1, 2])]
+    [(tool, places)] = path.each_tool(np.array([2, 0]))
+    assert (tool.position.tolist(), places.tolist()) == (PLACES["tA"], [0, 1])
+    assert path.each_tool(np.array([], dtype=int)) == []
+
+
+@pytest.mark.parametrize(("moves", "tools", "parts"), [
+    ([("MoveJ", "tA", "wA"), ("MoveL", "tB", "wB"), ("MoveL", "tB", "wB")], ["tB"], ["wB"]),
+    ([("MoveJ", "tA", "wA"), ("MoveJ", "tB", "wA")], ["tA", "tB"], ["wA"]),
+    ([("MoveAbsJ", "", ""), ("MoveL", "tA", "wA")], ["tA"], ["wA"]),
+    ([("MoveAbsJ", "", ""), ("MoveJ", "tA", "wA")], ["tA", "tB"], ["wA"])])
+def test_the_frames_that_count_are_those_of_linear_moves_where_there_are_any(
+    tmp_path: Path, moves: list[tuple[str, str, str]], tools: list[str], parts: list[str]
+) -> None:
+    """Else those of all: of moves by joint angles the tool alone, since no work object says where they lead."""
+    used = with_frames(tmp_path, *moves).used_frames
+    assert sorted(tuple(one.position) for one in used.tools) == sorted(tuple(PLACES[name]) for name in tools)
+    assert sorted(tuple(one.position) for one in used.workobjects) == sorted(tuple(PLACES[name]) for name in parts)
+
+
+def test_a_target_without_an_orientation_is_not_known(tmp_path: Path) -> None:
+    theta = [10.0, 20, 30, 40, 50, 60]
+    whole = joint(theta)
+    nowhere = whole.replace(whole.split("],[")[1], "0,0,0,0")
+    path = planned(tmp_path, whole, nowhere, whole)
+    assert path.known.tolist() == path.reached.tolist() == [True, False, True]
+    assert np.isnan(path.world_position[1]).all()
+
+
+def test_move_abs_j_counts_for_the_next_target_alone(tmp_path: Path) -> None:
+    """Behind it one by its own configuration, a turn of axis 6 on; the linear moves behind that go on from there."""
+    away, here = [12.0, 22, 31, 40, 50, -300], [12.0, 22, 31, 40, 50, 60]
+    near = [13.0, 22, 31, 41, 50, 61]
+    by_joints = f"MoveAbsJ [{away},[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;"
+    plan = planned(tmp_path, by_joints, joint(here), linear(near), linear(here))
+    assert_allclose(np.degrees(plan.theta), [away, here, near, here], atol=1e-6)
+
+
+@pytest.mark.parametrize("theta", [[148.7, 4.4, 51.9, 50.7, 75.2, 130.3], [-132.0, 28.4, 6.9, -13.6, 2.4, 136.7]])
+def test_a_configuration_is_guessed_among_those_inside_the_limits(tmp_path: Path, theta: list[float]) -> None:
+    """The arm turned round, or folded the other way, would be nearer to zero, and axes 2 and 3 do not reach so far."""
+    move = joint(theta).replace(str(configuration(robot(), np.radians([theta]))[0].tolist()), "cfThere")
+    assert_allclose(np.degrees(planned(tmp_path, move).theta), [theta], atol=1e-6)
