@@ -40,8 +40,8 @@ def solid_stock(solid: Solid, height: Array, cell: float) -> Stock:
 
 
 def windings(edge: Array, out: Array, origin: Array, cell: float, ny: int, nx: int) -> Grid:
-    """How many bodies hold each point (ny, nx) of a grid around them: edges (E, 2, 2) [m] counted along the rows, in (+1) where the outward direction
-    (E, 2) is against x, else out (-1)."""
+    """How many bodies hold each point (ny, nx) of a grid around them: edges (E, 2, 2) [m] counted along the rows, in (+1) where
+    the outward direction (E, 2) is against x, else out (-1)."""
     first, last = np.sort(np.round((edge[:, :, 1] - origin[1]) / cell, SAME), axis=1).T
     begin, end = np.ceil(first).astype(np.intp), np.ceil(last).astype(np.intp)
     count = end - begin
