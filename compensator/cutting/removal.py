@@ -386,7 +386,7 @@ def _add_moved(material: Material, turned: Array, blank: Array, gone_over: tuple
     tip = steps.middle[places.step, 2]
     from_foot = tip + places.foot
     top = from_foot + places.thick
-    from_foot = np.where((layer == 0) & (from_foot <= height[0]), np.maximum(height[0] - aside, tip), from_foot)
+    from_foot = np.where(layer == 0, np.maximum(height[0] - aside, tip), from_foot)
     for further in range(len(kind)):
         above = np.flatnonzero((layer + further < len(kind)) & (height[np.minimum(layer + further, len(kind))] < top + aside))
         if not len(above):

@@ -112,8 +112,11 @@ def test_aside_it_cuts_as_it_would_a_block_that_stands_the_other_way(cutter: Cut
         assert np.abs(found.moved[axis] - found.weights).max() > 0.01 * np.abs(found.weights).max()
     if cutter is FLAT:
         same(found.moved[2], gone(corner, cutter, stock=replace(stock, height=stock.height - aside))[1].weights, 1e-6)
-    plain = gone(corner, cutter, stock=stock)[1]
-    assert plain.moved is None
+    plain, steps = gone(corner, cutter, stock=stock)[1], np.array([40, 3, 41])
+    assert plain.moved is plain.some(steps).moved is None
+    for name in ("weights", "low", "high", "depth", "width", "unknown"):
+        np.testing.assert_array_equal(getattr(found.some(steps), name), getattr(found, name)[steps])
+    np.testing.assert_array_equal(found.some(steps).moved, found.moved[:, steps])
     np.testing.assert_array_equal(plain.weights, found.weights)
 
 
