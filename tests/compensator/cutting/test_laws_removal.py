@@ -120,10 +120,28 @@ def test_aside_it_cuts_as_it_would_a_block_that_stands_the_other_way(cutter: Cut
     np.testing.assert_array_equal(plain.weights, found.weights)
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_tool_that_only_just_misses_cuts_with_the_tool_aside(side: int) -> None:
+    """By 0.05 mm beside a wall: moved by 0.1 mm along y it does, or goes off it; along x and up it misses it still."""
+    stock, corner, aside = block(LOW, HIGH, (-3.0,), 0.25), [[-9.0, side * 13.05, -3.0], [9.0, side * 13.05, -3.0]], 1e-4
+    _, found = gone(corner, stock=stock, aside=aside)
+    assert found.moved is not None
+    assert not found.cuts.any()
+    assert not found.moved[[0, 2]].any()
+    anew = gone(corner, stock=replace(stock, origin=stock.origin - [0, aside]))[1]
+    assert anew.cuts.any() == (side < 0)
+    same(found.moved[1], anew.weights, 0.01)
+
+
+@pytest.mark.parametrize("above", [False, True])
 @pytest.mark.parametrize("slope", [-25.0, 25.0])
-def test_a_ball_on_a_slope_aside_is_milled_anew(slope: float) -> None:
-    """Along x, y and up, entry and plateau."""
-    stock = block(LOW, HIGH, tuple(np.arange(-5.8, 0.0, 0.2)), 0.25)
+def test_a_ball_on_a_slope_aside_is_milled_anew(slope: float, above: bool) -> None:
+    """Along x, y and up, entry and plateau; under a thick layer that is empty, too, which is air down to its foot."""
+    stock = block(LOW, (*HIGH[:2], 4.0 * above), tuple(np.arange(-5.8, 0.1 * above, 0.2)), 0.25)
+    if above:
+        inside = np.array(stock.inside)
+        inside[-1] = -0.3e-3
+        stock = replace(stock, inside=inside)
     aside, rise = 1e-4, np.tan(np.radians(slope))
     ends = [[x, 8.0, -1.5 + rise * (x + 10 - (2.0 if slope > 0 else 0))] for x in (-15.0, -8.0)]
     _, found = gone(ends, BALL, stock=stock, aside=aside)
@@ -131,7 +149,7 @@ def test_a_ball_on_a_slope_aside_is_milled_anew(slope: float) -> None:
     assert found.cuts.sum() > 6
     for axis in range(3):
         moved = [list(np.array(end) + 1e3 * aside * np.eye(3)[axis]) for end in ends]
-        same(found.moved[axis], gone(moved, BALL, stock=stock)[1].weights, 0.02)
+        same(found.moved[axis], gone(moved, BALL, stock=stock)[1].weights, 0.05 if above else 0.02)
 
 
 @pytest.mark.parametrize("side", [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1)])
@@ -150,19 +168,32 @@ def test_whatever_a_cutter_touches_is_cut(side: tuple[int, int]) -> None:
         assert found.cuts.all() == found.cuts.any() == cuts
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
-@pytest.mark.parametrize("side", [-1, 1])
-def test_where_nothing_is_said_of_what_stands_there_no_force_is_known(axis: int, side: int) -> None:
-    """A box: within its bounds and the cutter's radius around it, aside; by a hundredth of a millimetre more or less."""
-    box = np.array([[-3.0, -2.0, 2.0], [4.0, 3.0, 5.0]])
+BOX = np.array([[-3.0, -2.0, 2.0], [4.0, 3.0, 5.0]])
+
+
+@pytest.mark.parametrize(("axis", "side"), [(0, -1), (0, 1), (1, -1), (1, 1), (2, 1)])
+@pytest.mark.parametrize("way", ["across", "in", "out"])
+def test_where_nothing_is_said_of_what_stands_there_no_force_is_known(axis: int, side: int, way: str) -> None:
+    """A box: within its bounds and the cutter's radius around it, aside, by a hundredth of a millimetre more or less; of a step
+    that goes in or comes out wherever it is nearest."""
     for near, known in ((-0.01, False), (0.01, True)):
-        place = box.mean(axis=0)
-        place[axis] = box[(side + 1) // 2, axis] + side * (near + (RADIUS if axis < 2 else 0))
-        stock = replace(block(LOW, HIGH, (-2.0,), 1.0), unknown=1e-3 * box[None])
-        across = 0.5 * np.eye(3)[(axis + 1) % 2]
-        _, found = gone([list(place - across), list(place + across)], stock=stock)
-        assert found.unknown.all() != known
-        assert found.unknown.any() != known
+        place = BOX.mean(axis=0)
+        place[axis] = BOX[(side + 1) // 2, axis] + side * (near + (RADIUS if axis < 2 else 0))
+        stock = replace(block(LOW, HIGH, (-2.0,), 1.0), unknown=1e-3 * BOX[None])
+        step = 0.25 * np.eye(3)[(axis + 1) % 2] if way == "across" else 0.5 * side * np.eye(3)[axis]
+        ends = [list(place - step), list(place + step)] if way == "across" else [list(place + step), list(place)]
+        _, found = gone(ends[::-1] if way == "out" else ends, stock=stock)
+        assert len(found.unknown) == 1
+        assert found.unknown[0] != known
+
+
+@pytest.mark.parametrize(("aside", "known"), [(-0.01, False), (0.01, True)])
+def test_a_tool_under_a_box_reaches_into_it(aside: float, known: bool) -> None:
+    """A clamp on the block beside which it mills: its tip is under the clamp, and above that is the rest of it."""
+    stock = replace(block(LOW, HIGH, (-2.0,), 1.0), unknown=1e-3 * BOX[None])
+    _, found = gone([[BOX[1, 0] + RADIUS + aside, -1.0, -2.0], [BOX[1, 0] + RADIUS + aside, 1.0, -2.0]], stock=stock)
+    assert found.cuts.all()
+    assert found.unknown.all() == found.unknown.any() != known
 
 
 @pytest.mark.parametrize(("cutter", "slope", "known"), [
@@ -226,3 +257,16 @@ def test_a_shank_meets_a_wall_beside_it(lean: float, away: float, meets: bool, s
     _, found = gone([[-3.0, 0.0, -rise], [3.0, 0.0, 0.0]], BALL, stock=stock, axis=tilted(0.0, lean))
     assert not found.cuts.any()
     assert found.unknown[-1] == meets
+
+
+@pytest.mark.parametrize("slope", [0.0, 3.0])
+def test_what_a_shank_went_through_it_does_not_meet_again(slope: float) -> None:
+    """On its way back along a wall that it leans into, a few steps on: a tenth of a millimetre further in it does."""
+    far = RADIUS / np.cos(np.radians(25)) + 6.0 * np.tan(np.radians(25)) - 0.15
+    stock = block((-12.0, far, -6.0), (12.0, far + 6, 10.0), (-5, -4, -3, -2, -1, 0, 2, 4, 6, 8, 9, 9.5, 9.8), 0.25)
+    rise = np.tan(np.radians(slope)) * 3
+    for in_by, meets in ((0.0, False), (0.1, True)):
+        _, found = gone([[0.0, 0.0, 0.0], [3.0, 0.0, rise], [3.0, in_by, rise], [0.0, in_by, 0.0]], BALL, stock=stock,
+                        axis=tilted(0.0, 25.0))
+        assert found.unknown[:5].all()
+        assert found.unknown[-4:].all() == found.unknown[-4:].any() == meets
