@@ -356,6 +356,8 @@ def test_rows_are_the_means_of_neighbours_along_alike_directions(
         members.setdefault((group[k], main + 3 * (normal[point, main] < 0)), []).append(k)
     assert len(rows) == len(members)
     displacement = rng.normal(size=(len(targets), 3))
+    two = rows.seen(np.stack([displacement, displacement**2], axis=2))
+    assert two == pytest.approx(np.column_stack([rows.seen(displacement), rows.seen(displacement**2)]))
     for row, key in enumerate(sorted(members)):
         value, direction, variance, seen, steeper = 0.0, np.zeros(3), 0.0, np.zeros((len(targets), 3)), 0.0
         for k in members[key]:
