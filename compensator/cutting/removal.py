@@ -102,15 +102,26 @@ def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0)
                 _one_batch(material, track, cutter, rows, arrays)
             bar.add(min(BATCH, count - first))
     left = replace(stock, inside=np.minimum(stock.inside, material.swept, out=material.swept))
-    in_a_box, reach = np.zeros(count, dtype=bool), np.array([cutter.radius, cutter.radius, 0.0])
-    for low, high in stock.unknown:     # of boxes above the tip too: there is the rest of the tool
-        in_a_box |= (track.highest >= low - reach)[:, :2].all(axis=1) & (track.lowest <= high + reach).all(axis=1)
+    in_a_box = np.zeros(count, dtype=bool)
+    for low, high in stock.unknown:
+        in_a_box |= _reaches(track, cutter, low, high)
     cuts = arrays["depth"] > 0
     arrays["width"] = arrays.pop("area") / np.where(cuts, arrays["depth"], 1.0)
     # Where a ball leans so far that nothing is worked out, its shank may cut wherever there is stock.
     beyond = arrays.pop("beyond") | (near & leans_too_far(track.axis)) if cutter.ball else cuts & leans(track.axis)
     unknown = (cuts & (track.joint | _plunges(track, cutter, arrays.pop("tip")) | ~np.isfinite(track.chip))) | in_a_box | beyond
     return Engagement(unknown=unknown, **arrays), left
+
+
+def _reaches(track: Track, cutter: Cutter, low: Array, high: Array) -> Flags:
+    """Steps (S,) on which the tool, which is all that is above its tip, along its axis, comes into a box from low to high (3,)
+    [m]."""
+    upright = np.clip(track.axis[:, 2:], np.cos(MOST_LEAN), 1.0)
+    radius, above = cutter.radius / upright, np.maximum(high[2] - track.lowest[:, 2:] - cutter.corner, 0.0)
+    aside = above * track.axis[:, :2] / upright
+    return np.asarray((track.highest[:, :2] + np.maximum(aside, 0.0) + radius >= low[:2]).all(axis=1)
+                      & (track.lowest[:, :2] + np.minimum(aside, 0.0) - radius <= high[:2]).all(axis=1)
+                      & (track.lowest[:, 2] <= high[2]))
 
 
 def _plunges(track: Track, cutter: Cutter, tip: Flags) -> Flags:

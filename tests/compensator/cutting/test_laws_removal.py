@@ -196,6 +196,22 @@ def test_a_tool_under_a_box_reaches_into_it(aside: float, known: bool) -> None:
     assert found.unknown.all() == found.unknown.any() != known
 
 
+@pytest.mark.parametrize(("lead", "near", "known"), [(30.0, -0.01, False), (30.0, 0.01, True), (-30.0, -0.01, True)])
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_shank_that_leans_reaches_into_a_box_beside_it(lead: float, near: float, known: bool, axis: int, side: int) -> None:
+    """At the box's top, 5 mm over the middle of the ball: R / cos 30 and 5 tan 30 beside that; not where it leans away."""
+    reach = RADIUS / np.cos(np.radians(30)) + 5.0 * np.tan(np.radians(30)) + near
+    tip = np.array([0.5, 0.5, BOX[1, 2] - RADIUS - 5.0])
+    tip[axis] = BOX[(side + 1) // 2, axis] + side * reach
+    leans = -side * np.sin(np.radians(lead)) * np.eye(3)[axis] + [0, 0, np.cos(np.radians(30))]
+    across = 0.25 * np.eye(3)[1 - axis]
+    stock = replace(block(LOW, (*HIGH[:2], -5.5), (), 1.0), unknown=1e-3 * BOX[None])
+    _, found = gone([list(tip - across), list(tip + across)], BALL, stock=stock, axis=(leans[0], leans[1], leans[2]))
+    assert not found.cuts.any()
+    assert found.unknown.all() == found.unknown.any() != known
+
+
 @pytest.mark.parametrize(("cutter", "slope", "known"), [
     (FLAT, -4.9, True), (FLAT, -5.1, False), (FLAT, 30.0, True), (BULL, -4.9, True), (BULL, -5.1, False), (BULL, 4.9, True),
     (BULL, 5.1, False), (BALL, -59.5, True), (BALL, -60.5, False), (BALL, 60.5, True)])
