@@ -18,7 +18,7 @@ from scipy.stats import norm
 from compensator.verification.batch_means import mean_along
 from compensator.verification.comparison import Scale, compare, estimate_scale
 from compensator.verification.readings import Readings, nearest, read_readings
-from compensator.verification.verify import Verification, _comparison_text, _scale_text
+from compensator.verification.verify import Verification, _comparison_text, _scale_findings, _scale_text
 from compensator.verification.verify import verify as verify_files
 from compstiff.cli.main import compstiff
 from identification.common.findings import CompstiffError
@@ -175,6 +175,26 @@ def test_a_scale_is_handed_on_where_it_is_one(change: dict[str, object], option:
     """A half width of the interval is 1.96 sigma. Nothing where a constant shows beside it, other axes, or a size that no robot
     has; where 1 will do, 1."""
     assert replace(SURE, **change).option == option
+
+
+@pytest.mark.parametrize(("x", "y", "apart"), [
+    ((1.0, 1.2), (1.3, 1.5), True), ((1.3, 1.5), (1.0, 1.2), True), ((1.0, 1.3), (1.2, 1.5), False),
+    ((1.2, 1.5), (1.0, 1.3), False), ((1.0, 1.6), (1.2, 1.4), False), ((1.2, 1.4), (1.0, 1.6), False),
+    (None, (1.3, 1.5), False), ((1.0, 1.2), None, False)])
+@pytest.mark.parametrize("share", [0.045, 0.055])
+def test_axes_are_told_apart_whose_intervals_have_nothing_in_common(
+    x: tuple[float, float] | None, y: tuple[float, float] | None, apart: bool, share: float
+) -> None:
+    """Where one scale leaves over a twentieth of the measured beyond what is left with each its own, by the sum of squares."""
+    own = {axis: replace(SURE, scale=1.0 if interval is None else float(np.mean(interval)), interval=interval, points=points,
+                         residual_rms_um=left) for axis, interval, points, left in (("x", x, 80, 8.0), ("y", y, 100, 12.0))}
+    squares = 80 * 8.0**2 + 100 * 12.0**2 + 100 * (100 * share) ** 2
+    found = [one for one in _scale_findings(replace(SURE, residual_rms_um=float(np.sqrt(squares / 100))), own, "before.csv")
+             if one.code == "CS6030"]
+    assert len(found) == (apart and share > 0.05)
+    for one in found:
+        assert one.message.startswith(f"along x the measured deviation is {own['x'].scale:.3f} times")
+        assert f"one scale leaves {100 * share:.1f} um RMS that would not be left with each its own" in one.message
 
 
 @pytest.mark.parametrize(("interval", "inside"), [((0.9, 1.1), True), ((1.0, 1.2), True), ((0.8, 1.0), True),
