@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner, Result
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
-from scipy.stats import norm
+from scipy.stats import norm, t
 
 from compensator.verification.batch_means import mean_along
 from compensator.verification.comparison import Scale, compare, estimate_scale
@@ -142,6 +142,47 @@ def test_the_interval_of_a_ratio_is_as_wide_as_that_of_chance() -> None:
     assert found.interval is not None
     assert 0.7 < np.log(found.interval[1] / found.interval[0]) / (2 * 1.96 / np.sqrt(3 * count)) < 1.4
     assert found.interval[0] < 3 < found.interval[1]
+
+
+def test_a_comparison_is_that_of_its_places_one_by_one() -> None:
+    """In a loop over places, of which components are missing: sizes, what got worse by over two sigma of both sizes, the noise
+    of what is left, and the interval of the means of sixteen blocks (of the logarithm of the ratio, to first order)."""
+    rng, count = np.random.default_rng(31), 480
+    both = [1e-6 * size * rng.normal(size=(count, 3)) for size in (12.0, 10.0)]
+    sigmas = [1e-6 * rng.uniform(1.0, 6.0, (count, 3)) for _ in range(2)]
+    for deviation in both:
+        deviation[rng.random((count, 3)) < 0.2] = np.nan
+    found = compare(*(Readings("", "target", np.arange(count)[:, None], deviation, sigma, None)
+                      for deviation, sigma in zip(both, sigmas, strict=True)))
+    size, noise, worse = [], [], 0
+    for k in range(count):
+        some = [axis for axis in range(3) if np.isfinite(both[0][k, axis]) and np.isfinite(both[1][k, axis])]
+        if not some:
+            continue
+        own = [float(np.linalg.norm(deviation[k, some])) for deviation in both]
+        along = [float(np.sqrt(sum((deviation[k, axis] / length * sigma[k, axis]) ** 2 for axis in some)))
+                 for deviation, length, sigma in zip(both, own, sigmas, strict=True)]
+        worse += own[1] - own[0] > 2 * np.hypot(*along)
+        size.append(own)
+        noise.append(sum(sigmas[1][k, axis] ** 2 for axis in some))
+    before, after = np.array(size).T
+    assert (found.before.points, found.worse) == (len(before), worse)
+    assert worse > 20
+    assert found.noise_um == pytest.approx(1e6 * np.sqrt(np.mean(noise)))
+    for figures, own in ((found.before, before), (found.after, after)):
+        assert (figures.rms_um, figures.mean_um, figures.max_um) == pytest.approx(
+            (1e6 * np.sqrt(np.mean(own**2)), 1e6 * own.mean(), 1e6 * own.max()))
+        assert figures.p95_um == pytest.approx(1e6 * np.quantile(own, 0.95))
+    ratio = np.sqrt(np.mean(before**2) / np.mean(after**2))
+    told = 0.5 * (before**2 / np.mean(before**2) - after**2 / np.mean(after**2))
+    blocks = np.array([np.mean(part) for part in np.array_split(told, 16)])
+    half = t.ppf(0.975, 15) * blocks.std(ddof=1) / 4
+    assert found.ratio == pytest.approx(ratio)
+    assert found.interval == pytest.approx((ratio * np.exp(-half), ratio * np.exp(half)))
+    assert (found.verdict, found.log_ratio.blocks if found.log_ratio else 0) == ("better", 16)
+    both[0], both[1] = both[1], both[0]
+    assert compare(*(Readings("", "target", np.arange(count)[:, None], deviation, sigma, None)
+                     for deviation, sigma in zip(both, sigmas, strict=True))).verdict == "worse"
 
 
 def test_the_scale_beside_a_constant_is_that_of_the_components_that_were_measured() -> None:
