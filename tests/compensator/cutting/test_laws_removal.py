@@ -133,6 +133,20 @@ def test_a_tool_that_only_just_misses_cuts_with_the_tool_aside(side: int) -> Non
     same(found.moved[1], anew.weights, 0.01)
 
 
+def test_an_edge_between_two_points_of_a_wide_cutter_is_moved_too() -> None:
+    """A radius of 16 mm has points every 3 degrees, 0.84 mm: an edge half way between two is 0.42 mm from both, four times as
+    far as the tool goes aside."""
+    wide, aside = Cutter(16e-3, 3), 1e-4
+    stock, y = block(LOW, HIGH, (-3.0,), 0.25), 9.0 - 16.0 * np.sin(np.radians(1.5))
+    corner = [[-30.0, y, -3.0], [-6.0, y, -3.0]]
+    _, found = gone(corner, wide, stock=stock, aside=aside)
+    assert found.moved is not None
+    anew = gone(corner, wide, stock=replace(stock, origin=stock.origin - [0, aside]))[1]
+    changed = anew.weights[-1] - found.weights[-1]
+    same(found.moved[1, -1] - found.weights[-1], changed, 0.02)
+    assert np.abs(changed).max() > 0.001 * np.abs(found.weights[-1]).max()
+
+
 @pytest.mark.parametrize("above", [False, True])
 @pytest.mark.parametrize("slope", [-25.0, 25.0])
 def test_a_ball_on_a_slope_aside_is_milled_anew(slope: float, above: bool) -> None:
