@@ -300,3 +300,24 @@ def test_what_a_shank_went_through_it_does_not_meet_again(slope: float) -> None:
                         axis=tilted(0.0, 25.0))
         assert found.unknown[:5].all()
         assert found.unknown[-4:].all() == found.unknown[-4:].any() == meets
+
+
+@pytest.mark.parametrize(("cutter", "slope", "lean"), [(FLAT, 0, 0), (BALL, 20, 0), (BALL, 0, 20)])
+@pytest.mark.parametrize("shift", [[100.0, 60.0, 30.0], [100.0, -70.0, 30.0], [-90.0, 80.0, -40.0]])
+def test_it_is_all_the_same_wherever_the_work_object_has_its_origin(
+    cutter: Cutter, slope: float, lean: float, shift: list[float]
+) -> None:
+    """In any quarter around it: two passes beside each other, what they cut, what is known of it, and what is left."""
+    rise = 8 * np.tan(np.radians(slope))
+    way = np.array([[-15.0, 5, -2], [-7, 5, -2 + rise], [-7, 2, -2 + rise], [-15, 2, -2]])
+    stock, found = block(LOW, HIGH, tuple(np.arange(-5.75, 0.0, 0.25)), 0.5), []
+    for by in (np.zeros(3), np.array(shift)):
+        moved = replace(stock, origin=stock.origin + 1e-3 * by[:2], height=stock.height + 1e-3 * by[2])
+        track = track_along(way + by)
+        track = replace(track, axis=np.tile(tilted(float(lean), 0.0), (len(track), 1)))
+        found.append(mill_through(moved, track, cutter))
+    (here, left), (there, left_there) = found
+    assert here.cuts.sum() > 10
+    np.testing.assert_allclose(there.weights, here.weights, atol=2e-3 * np.abs(here.weights).max())
+    np.testing.assert_array_equal(there.unknown, here.unknown)
+    np.testing.assert_allclose(*(np.minimum(one.inside, one.cell) for one in (left_there, left)), atol=1e-7)
