@@ -67,7 +67,7 @@ def leaning_weights(begin: Array, stop: Array, foot: Array, thick: Array, cutter
     foot (M,) [m] above the lowest point, thick (M,) [m]; feed (M, 2), level, and travel (M, 3) with its slope, axis (M, 3) of
     the tool, chip (M,) [m]: feed a tooth."""
     lower, upper = (np.arccos(np.clip(1 - height / cutter.radius, -1.0, 1.0)) for height in (foot, foot + thick))
-    tip, width = np.arccos(np.clip(axis[:, 2], -1.0, 1.0)), upper - lower
+    tip, width = np.arccos(np.minimum(axis[:, 2], 1.0)), upper - lower
     near = (tip > lower - width) & (tip < upper + width)
     result = np.empty((len(begin), 3, 6))
     for some, rings in ((near, RINGS_AT_TIP), (~near, RINGS)):

@@ -56,8 +56,9 @@ def coefficients_of(material: str, chip: float) -> tuple[Array, Array]:
     shear = 1e6 * (1 - known.exponent) * known.specific * thick**-known.exponent
     edge = 1e3 * known.exponent * known.specific * thick ** (1 - known.exponent)
     mean = np.array([shear, RATIOS[0] * shear, RATIOS[1] * shear, edge, RATIOS[2] * edge, RATIOS[3] * edge])
-    of_shear, of_edge = np.where(np.arange(6) < 3, mean, 0.0), np.where(np.arange(6) < 3, 0.0, mean)
-    own = np.concatenate([[0.0], RATIO_STD[:2] * shear, [0.0], RATIO_STD[2:] * edge])
+    of_shear = mean * (np.arange(6) < 3)
+    of_edge = mean - of_shear
+    own = np.repeat([shear, edge], 3) * [0.0, *RATIO_STD[:2], 0.0, *RATIO_STD[2:]]
     covariance = (WIDTH**2 * np.outer(mean, mean) + OF_SHEAR**2 * np.outer(of_shear, of_shear)
                   + OF_EDGE**2 * np.outer(of_edge, of_edge) + np.diag(own**2))
     return mean, covariance

@@ -11,8 +11,7 @@ too: along x and y anew at the steps that come near the blank's own edge, along 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +28,7 @@ from compensator.cutting.leaning import (
     leans_too_far,
     shank_rim,
 )
+from compensator.cutting.places import Places, Steps
 from compensator.cutting.sloping import beside_ball, front, go_along, met, rings, standing
 from compensator.cutting.stock import Stock
 from compensator.cutting.swept import Material, beside_own_way, between, distance, go_over, sampled, shanks_go_over
@@ -83,67 +83,6 @@ class Engagement:
         return np.asarray(self.depth > 0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Places:
-    """M places to look at, each a step in a layer: step, of the K of a batch, and layer (M,); thick (M,) [m] of the layer above
-    the tip, foot (M,) [m]: where that begins, above the tip; at (M,) [m] above the tip: where it is looked at; radius (M,) [m]
-    and sine (M,) of the cutter there; gain (M,) [m]: of radius over the thickness, edge (M,) [m]; angle (M, P) [rad] of the
-    points of the front, from the feed; share (M,): of the layer above, NaN: what the layer says holds for all of it."""
-
-    step: Indices
-    layer: Indices
-    thick: Array
-    foot: Array
-    at: Array
-    radius: Array
-    sine: Array
-    gain: Array
-    edge: Array
-    angle: Array
-    share: Array
-
-    def __getitem__(self, some: Indices) -> _Places:
-        return _Places(*(getattr(self, field.name)[some] for field in fields(self)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Steps:
-    """K steps of a batch: start, end (K, 3) [m] of the tip; feed and its left (K, 2), level; travel (K, 3): the feed with its
-    slope; chip (K,) [m]: feed a tooth; the tool's axis (K, 3), and whether it leans (K,) and is that of a ball."""
-
-    start: Array
-    end: Array
-    feed: Array
-    left: Array
-    travel: Array
-    chip: Array
-    axis: Array
-    leans: Flags
-
-    @classmethod
-    def of(cls, track: Track, rows: Indices, cutter: Cutter) -> _Steps:
-        """Of a track."""
-        start, end, axis = track.start[rows], track.end[rows], track.axis[rows]
-        way = end - start
-        size = np.hypot(way[:, 0], way[:, 1])
-        feed = np.where((size > 1e-9)[:, None], way[:, :2] / np.maximum(size, 1e-12)[:, None], [1.0, 0.0])
-        level, rise = np.where(size > 1e-9, size, 0.0), way[:, 2]
-        full = np.maximum(np.hypot(level, rise), 1e-12)
-        travel = np.column_stack([(level / full)[:, None] * feed, rise / full])
-        return cls(start, end, feed, np.column_stack([-feed[:, 1], feed[:, 0]]), travel, np.nan_to_num(track.chip[rows]), axis,
-                   leans(axis) & ~leans_too_far(axis) & cutter.ball)
-
-    @cached_property
-    def sloping(self) -> bool:
-        """Whether any of them climbs or descends."""
-        return bool(self.travel[:, 2].any())
-
-    @cached_property
-    def middle(self) -> Array:
-        """Of the tip (K, 3) [m]."""
-        return np.asarray(0.5 * (self.start + self.end))
-
-
 def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0) -> tuple[Engagement, Stock]:
     """How the cutter engages on its way through a stock, and what it leaves; aside [m]: also with the tool moved by so much
     along x, y and up, each by itself."""
@@ -165,14 +104,24 @@ def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0)
     left = replace(stock, inside=np.minimum(stock.inside, material.swept, out=material.swept))
     in_a_box = np.zeros(count, dtype=bool)
     for low, high in stock.unknown:
-        reach = np.array([cutter.radius, cutter.radius, 0.0])
-        in_a_box |= ((track.end >= low - reach) & (track.start <= high + reach)).all(axis=1)
+        in_a_box |= _reaches(track, cutter, low, high)
     cuts = arrays["depth"] > 0
     arrays["width"] = arrays.pop("area") / np.where(cuts, arrays["depth"], 1.0)
     # Where a ball leans so far that nothing is worked out, its shank may cut wherever there is stock.
     beyond = arrays.pop("beyond") | (near & leans_too_far(track.axis)) if cutter.ball else cuts & leans(track.axis)
     unknown = (cuts & (track.joint | _plunges(track, cutter, arrays.pop("tip")) | ~np.isfinite(track.chip))) | in_a_box | beyond
     return Engagement(unknown=unknown, **arrays), left
+
+
+def _reaches(track: Track, cutter: Cutter, low: Array, high: Array) -> Flags:
+    """Steps (S,) on which the tool, which is all that is above its tip, along its axis, comes into a box from low to high (3,)
+    [m]."""
+    upright = np.clip(track.axis[:, 2:], np.cos(MOST_LEAN), 1.0)
+    radius, above = cutter.radius / upright, np.maximum(high[2] - track.lowest[:, 2:] - cutter.corner, 0.0)
+    aside = above * track.axis[:, :2] / upright
+    return np.asarray((track.highest[:, :2] + np.maximum(aside, 0.0) + radius >= low[:2]).all(axis=1)
+                      & (track.lowest[:, :2] + np.minimum(aside, 0.0) - radius <= high[:2]).all(axis=1)
+                      & (track.lowest[:, 2] <= high[2]))
 
 
 def _plunges(track: Track, cutter: Cutter, tip: Flags) -> Flags:
@@ -190,18 +139,17 @@ def _near(stock: Stock, track: Track, cutter: Cutter) -> Flags:
     _, ny, nx = stock.inside.shape
     # The shank of a tool that leans reaches further, as far up as there is stock.
     upright = np.clip(track.axis[:, 2:], np.cos(MOST_LEAN), 1.0)
-    above = np.maximum(stock.height[-1] - np.minimum(track.start, track.end)[:, 2:], 0.0)
+    above = np.maximum(stock.height[-1] - track.lowest[:, 2:], 0.0)
     reach = cutter.radius / upright + above * np.sqrt(1 - upright**2) / upright
     low = stock.origin - reach
     high = stock.origin + stock.cell * np.array([nx - 1, ny - 1]) + reach
-    flat_low, flat_high = (pick(track.start, track.end)[:, :2] for pick in (np.minimum, np.maximum))
-    return np.asarray((flat_high >= low).all(axis=1) & (flat_low <= high).all(axis=1)
-                      & (np.minimum(track.start, track.end)[:, 2] < stock.height[-1]))
+    return np.asarray((track.highest[:, :2] >= low).all(axis=1) & (track.lowest[:, :2] <= high).all(axis=1)
+                      & (track.lowest[:, 2] < stock.height[-1]))
 
 
 def _one_batch(material: Material, track: Track, cutter: Cutter, rows: Indices, into: dict[str, Array]) -> None:
     """Looks at the steps `rows` (K,), then goes over them."""
-    stock, steps = material.stock, _Steps.of(track, rows, cutter)
+    stock, steps = material.stock, Steps.of(track, rows, cutter)
     tip = steps.middle[:, 2]
     layer_middle = 0.5 * (stock.height[1:] + stock.height[:-1])
     within = np.flatnonzero(stock.height[1:] > tip.min())
@@ -236,7 +184,7 @@ def _one_batch(material: Material, track: Track, cutter: Cutter, rows: Indices, 
     go_over(material, cutter, steps.start, steps.end, steps.axis, steps.leans, layer_middle, within)
 
 
-def _places(stock: Stock, cutter: Cutter, steps: _Steps, layer: Indices, step: Indices) -> _Places:
+def _places(stock: Stock, cutter: Cutter, steps: Steps, layer: Indices, step: Indices) -> Places:
     """Those of steps in layers (M,) where the cutter is."""
     bottom, top, tip = stock.height[layer], stock.height[layer + 1], steps.middle[step, 2]
     # Of a layer that the tip stands in, the part above it.
@@ -256,18 +204,18 @@ def _places(stock: Stock, cutter: Cutter, steps: _Steps, layer: Indices, step: I
         angle = ANGLE * (front(sine, steps.travel[step], least) / (0.5 * np.pi))[:, None]
         gain = cutter.radius_at(np.minimum(foot + thick, cutter.flute)) - cutter.radius_at(np.minimum(foot, cutter.flute))
     some = np.flatnonzero((thick > 0) & (radius > 0))
-    return _Places(step, layer, thick, foot, at, radius, sine, gain, cutter.edge_length(foot, foot + thick), angle,
+    return Places(step, layer, thick, foot, at, radius, sine, gain, cutter.edge_length(foot, foot + thick), angle,
                    share)[some]
 
 
-def _rim(places: _Places, steps: _Steps) -> Array:
+def _rim(places: Places, steps: Steps) -> Array:
     """Points (M, P, 2) [m] of the front."""
     angle, step = places.angle[:, :, None], places.step
     return np.asarray(steps.middle[step, None, :2] + places.radius[:, None, None] * (
         np.cos(angle) * steps.feed[step, None, :] + np.sin(angle) * steps.left[step, None, :]))
 
 
-def _look(material: Material, cutter: Cutter, steps: _Steps, places: _Places, rim: Array, own: Array, rows: Indices,
+def _look(material: Material, cutter: Cutter, steps: Steps, places: Places, rim: Array, own: Array, rows: Indices,
           into: dict[str, Array]) -> None:
     """Adds what is cut at the places to the steps `rows` (K,); rim (M, P, 2) [m], own (M, P) [m]: how far that is outside of
     the way of this batch."""
@@ -279,7 +227,7 @@ def _look(material: Material, cutter: Cutter, steps: _Steps, places: _Places, ri
         meets = some.copy()
         meets[some] = _shank_cuts(material, cutter, steps, places[np.flatnonzero(some)])
         into["beyond"][rows[step[meets]]] = True
-    share = None if np.isnan(places.share).any() else places.share
+    share = places.between
     blank = sampled(stock, stock.inside, places.layer, rim, share)
     gone_over = (sampled(stock, material.swept, places.layer, rim, share), own)
     turned = _add((blank, *gone_over), places, steps, cutter, rows, into)
@@ -287,26 +235,25 @@ def _look(material: Material, cutter: Cutter, steps: _Steps, places: _Places, ri
         _add_moved(material, turned, blank, gone_over, rim, places, steps, cutter, rows, into["moved"])
 
 
-def _shank_cuts(material: Material, cutter: Cutter, steps: _Steps, places: _Places) -> Flags:
+def _shank_cuts(material: Material, cutter: Cutter, steps: Steps, places: Places) -> Flags:
     """Places (M,) of leaning tools at which what stands above the ball meets material."""
     stock, step, high = material.stock, places.step, places.at - cutter.radius
     rim = shank_rim(ANGLE, high, cutter.radius, steps.travel[step], steps.axis[step])
     points = steps.middle[step, None, :2] + np.nan_to_num(rim)
     own = np.ones(points.shape[:2])
-    middle = 0.5 * (stock.height[places.layer] + stock.height[places.layer + 1])
     for before in np.flatnonzero(steps.leans[:-1]):
-        height = middle - steps.middle[before, 2] - cutter.radius
+        height = high + steps.middle[step, 2] - steps.middle[before, 2]
         some, axis = np.flatnonzero((step > before) & (height > 0)), steps.axis[before]
         aside = height[some, None, None] * axis[:2] / axis[2]
         squeezed, first, last = (across_shank(xy, axis) for xy in (
             points[some] - aside, steps.start[before, :2], steps.end[before, :2]))
         own[some] = np.minimum(own[some], distance(squeezed, first, last) - cutter.radius)
     for grid in (stock.inside, material.swept):
-        own = np.minimum(own, sampled(stock, grid, places.layer, points))
+        own = np.minimum(own, sampled(stock, grid, places.layer, points, places.between))
     return np.asarray(((own > FILM) & ~np.isnan(rim[..., 0])).any(axis=1))
 
 
-def _turned(arcs: Arcs, places: _Places, steps: _Steps, cutter: Cutter) -> Array:
+def _turned(arcs: Arcs, places: Places, steps: Steps, cutter: Cutter) -> Array:
     """Weights (M, 3, 6) in the work object of what is cut; local axes are feed, left, up."""
     step = places.step
     rise = steps.travel[step, 2]
@@ -326,7 +273,7 @@ def _turned(arcs: Arcs, places: _Places, steps: _Steps, cutter: Cutter) -> Array
     return turned
 
 
-def _add(inside: tuple[Array, ...], places: _Places, steps: _Steps, cutter: Cutter, rows: Indices, into: dict[str, Array]
+def _add(inside: tuple[Array, ...], places: Places, steps: Steps, cutter: Cutter, rows: Indices, into: dict[str, Array]
          ) -> Array:
     """Adds the cut of the places to the steps, and returns its weights (M, 3, 6)."""
     arcs = arcs_of(inside, places.angle)
@@ -347,8 +294,8 @@ def _add(inside: tuple[Array, ...], places: _Places, steps: _Steps, cutter: Cutt
     return turned
 
 
-def _add_moved(material: Material, turned: Array, blank: Array, gone_over: tuple[Array, ...], rim: Array, places: _Places,
-               steps: _Steps, cutter: Cutter, rows: Indices, moved: Array) -> None:
+def _add_moved(material: Material, turned: Array, blank: Array, gone_over: tuple[Array, ...], rim: Array, places: Places,
+               steps: Steps, cutter: Cutter, rows: Indices, moved: Array) -> None:
     """Adds the cut of the places with the tool aside along x, y and up, to moved (3, S, 3, 6). turned (M, 3, 6): its weights
     where it is on its way; blank and each of gone_over (M, P) [m]: the distances there."""
     stock, aside, at = material.stock, material.aside, rows[places.step]
@@ -358,7 +305,7 @@ def _add_moved(material: Material, turned: Array, blank: Array, gone_over: tuple
         own = places[some]
         return _turned(arcs_of((other, *(one[some] for one in gone_over)), own.angle), own, steps, cutter)
 
-    sloping = not np.isnan(places.share).any()
+    sloping = places.between is not None
     # Two neighbours on the rim are so far apart: an edge that is further away than that does not pass between them.
     reach = aside + places.radius * (places.angle[:, 1] - places.angle[:, 0])
     gone = np.minimum(*gone_over)
@@ -386,7 +333,7 @@ def _add_moved(material: Material, turned: Array, blank: Array, gone_over: tuple
     tip = steps.middle[places.step, 2]
     from_foot = tip + places.foot
     top = from_foot + places.thick
-    from_foot = np.where((layer == 0) & (from_foot <= height[0]), np.maximum(height[0] - aside, tip), from_foot)
+    from_foot = np.where(layer == 0, np.maximum(height[0] - aside, tip), from_foot)
     for further in range(len(kind)):
         above = np.flatnonzero((layer + further < len(kind)) & (height[np.minimum(layer + further, len(kind))] < top + aside))
         if not len(above):

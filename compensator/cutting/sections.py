@@ -40,25 +40,25 @@ def solid_stock(solid: Solid, height: Array, cell: float) -> Stock:
 
 
 def windings(edge: Array, out: Array, origin: Array, cell: float, ny: int, nx: int) -> Grid:
-    """How many bodies hold each point (ny, nx): edges (E, 2, 2) [m] counted along the rows, in (+1) where the outward direction
-    (E, 2) is against x, else out (-1)."""
+    """How many bodies hold each point (ny, nx) of a grid around them: edges (E, 2, 2) [m] counted along the rows, in (+1) where
+    the outward direction (E, 2) is against x, else out (-1)."""
     first, last = np.sort(np.round((edge[:, :, 1] - origin[1]) / cell, SAME), axis=1).T
     begin, end = np.ceil(first).astype(np.intp), np.ceil(last).astype(np.intp)
-    count = np.maximum(end - begin, 0)
+    count = end - begin
     owner = np.repeat(np.arange(len(edge)), count)
     row = begin[owner] + np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
     a, b = edge[owner, 0], edge[owner, 1]
-    share = np.clip((origin[1] + cell * row - a[:, 1]) / np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1]), 0.0, 1.0)
+    share = np.clip((origin[1] + cell * row - a[:, 1]) / (b[:, 1] - a[:, 1]), 0.0, 1.0)
     column = np.ceil(np.round((a[:, 0] + share * (b[:, 0] - a[:, 0]) - origin[0]) / cell, SAME)).astype(np.intp)
     change = np.zeros((ny, nx + 1), dtype=np.float32)
-    np.add.at(change, (np.clip(row, 0, ny - 1), np.clip(column, 0, nx)), np.where(out[owner, 0] < 0, 1.0, -1.0))
+    np.add.at(change, (row, column), np.where(out[owner, 0] < 0, 1.0, -1.0))
     return np.asarray(np.cumsum(change, axis=1)[:, :nx])
 
 
 def signed_distance(edge: Array, within: np.ndarray, origin: Array, cell: float) -> Grid:
     """Distance (ny, nx) [m] to the nearest of edges (E, 2, 2) [m], positive `within`.
 
-    Points near an edge look at all edges around; further off it is true to half a cell.
+    Points near an edge look at all edges around; further off it is true to a cell.
     """
     from scipy.ndimage import distance_transform_edt
 

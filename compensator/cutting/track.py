@@ -49,6 +49,16 @@ class Track:
     def __len__(self) -> int:
         return len(self.place)
 
+    @property
+    def lowest(self) -> Array:
+        """Least x, y and z (S, 3) [m] of each step."""
+        return np.asarray(np.minimum(self.start, self.end))
+
+    @property
+    def highest(self) -> Array:
+        """The largest (S, 3) [m]."""
+        return np.asarray(np.maximum(self.start, self.end))
+
 
 def stock_object(path: RobotPath) -> int:
     """The number of the work object that most moves have of those that may cut: no joint moves, nor at the speed of the air."""

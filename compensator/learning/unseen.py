@@ -18,7 +18,7 @@ def said_of_unseen(rows: Rows, predicted: Predicted, source: str) -> list[Findin
     path, first, direction = predicted.path, predicted.targets[:1], rows.direction
     if rows.to_base is not None:        # as the part has them, wherever its table stands
         direction = np.einsum("nji,nj->ni", rows.to_base[rows.place], direction)
-    share, axes = np.linalg.eigh(direction.T @ direction / max(len(rows), 1))
+    share, axes = np.linalg.eigh(direction.T @ direction)
     to_object = path.axes.to_rest(path.base_from_object[first], first)[0].rotation.T
     findings = []
     for axis in axes.T[share < LEAST_SEEN * share.sum()]:

@@ -238,26 +238,23 @@ class _Reader:
             raise statement.fail("CS2102", "GODLTA: no GOTO or FROM before it says where it starts")
         self._move(statement, (self.here[0] + step[0], self.here[1] + step[1], self.here[2] + step[2]))
 
-    def from_point(self, statement: Statement) -> None:
+    def _stated(self, statement: Statement) -> Point:
+        """The place behind FROM or GOHOME, with the tool axis where there is one."""
         values = statement.numbers()
         if len(values) not in (3, 6):
-            raise statement.fail("CS2101", f"FROM: found {len(values)} numbers, expected 3 or 6", 0)
+            raise statement.fail("CS2101", f"{statement.word}: found {len(values)} numbers, expected 3 or 6", 0)
         if len(values) == 6:
             self._turn(statement, values[3:])
-        self.here = self.start = self._point(statement, values[:3])
+        return self._point(statement, values[:3])
+
+    def from_point(self, statement: Statement) -> None:
+        self.here = self.start = self._stated(statement)
 
     def gohome(self, statement: Statement) -> None:
-        if statement.arguments:
-            values = statement.numbers()
-            if len(values) not in (3, 6):
-                raise statement.fail("CS2101", f"GOHOME: found {len(values)} numbers, expected 3 or 6", 0)
+        home = self._stated(statement) if statement.arguments else self.start
+        if home is not None:
             self.rapid = True
-            if len(values) == 6:
-                self._turn(statement, values[3:])
-            self._move(statement, self._point(statement, values[:3]))
-        elif self.start is not None:
-            self.rapid = True
-            self._move(statement, self.start)
+            self._move(statement, home)
         elif not self.setup.elsewhere:
             self.findings.append(Finding(
                 "CS2114", "warning", "GOHOME is left out: the file does not say where home is", self.file, *statement.place(),
@@ -273,14 +270,8 @@ class _Reader:
                                  "the next motion", 0)
         self.rapid = True
 
-    def units(self, statement: Statement) -> None:
-        self.measures.units(statement)
-
-    def fedrat(self, statement: Statement) -> None:
-        self.measures.fedrat(statement)
-
-    def spindl(self, statement: Statement) -> None:
-        self.measures.spindl(statement)
+    def measure(self, statement: Statement) -> None:
+        {"FEDRAT": self.measures.fedrat, "SPINDL": self.measures.spindl}.get(statement.word, self.measures.units)(statement)
 
     def multax_on(self, statement: Statement) -> None:
         self.multax = statement.arguments != ["OFF"]
@@ -394,7 +385,7 @@ def _count(statement: Statement, wanted: int) -> list[float]:
 _RULES = {
     "GODLTA": _Reader.godlta, "FROM": _Reader.from_point, "GOHOME": _Reader.gohome, "CIRCLE": _Reader.circle,
     "MOVARC": _Reader.movarc, "TLON,GOFWD": _Reader.tlon, "INDIRV": _Reader.indirv, "RAPID": _Reader.rapid_on,
-    "UNITS": _Reader.units, "UNIT": _Reader.units, "FEDRAT": _Reader.fedrat, "SPINDL": _Reader.spindl,
+    "UNITS": _Reader.measure, "UNIT": _Reader.measure, "FEDRAT": _Reader.measure, "SPINDL": _Reader.measure,
     "MULTAX": _Reader.multax_on, "TRACUT": _Reader.tracut, "TRNTYP": _Reader.trntyp, "CSYS": _Reader.csys,
     "TLAXIS": _Reader.tlaxis, "CUTCOM": _Reader.cutcom, "CYCLE": _Reader.cycle, "LOADTL": _Reader.tool, "LOAD": _Reader.tool,
     "TOOLNO": _Reader.tool, "TURRET": _Reader.tool, "TOOL PATH": _Reader.tool, "MSYS": _Reader.coordinates,

@@ -101,7 +101,6 @@ def read_text(file: Path) -> str:
 def statements(text: str, file: str) -> Iterator[Statement]:
     """The statements in order. Raises CompstiffError (CS2101) where the last one is continued into nothing."""
     open_line, remark = 0, False
-    joined, pieces, begin = "", [(0, 0, 0)], (0, 0)
     for number, raw in enumerate(text.split("\n"), 1):
         line = raw.strip().rstrip("\x1a")
         if not line:

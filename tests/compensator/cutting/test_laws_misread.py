@@ -140,12 +140,12 @@ def test_a_reading_is_told_that_leaves_about_a_third_of_the_force(share: float, 
 
 @pytest.mark.parametrize(("zero", "aside_mm", "scale", "told"), [
     (50.0, 0.1, 1.0, True), (0.0, 0.2, 1.0, True), (0.0, 2e-4, 1.0, False), (900.0, 0.1, 1.0, False), (120.0, 0.1, 1.0, True),
-    (120.0, 0.1, 20.0, False)])
+    (120.0, 0.1, 20.0, False), (60.0, 0.1, 4.0, True), (50.0, 0.1, 20.0, True)])
 def test_the_sensor_s_zero_and_where_the_stock_stands_explain_what_they_can(
         zero: float, aside_mm: float, scale: float, told: bool) -> None:
     """50 N more than the cut has: as of a zero, which may be off by 2 N, of 64 rows whose mean is known to an eighth of one; or
     as of a stock that stands aside by half a millimetre, of which the file says that it may be 0.2 mm, or next to nothing. Not
-    where that is far more than all of the force, nor where rows that are known to 20 N tell no zero."""
+    where that is far more than all of the force; rows that are known to 4 N tell a zero too, those to 20 N two fifths of it."""
     force, other = to_and_fro(64, 100, 60, 30), np.resize([1.0, 1, 1, 1, 1, 1, 1, 1, -1, -1, -1, -1, -1, -1, -1, -1], 64)
     aside = np.zeros((64, 3, 3))
     aside[:, 1, 0] = 10 * other * np.resize([1.0, -1], 64)

@@ -9,7 +9,7 @@ import pytest
 
 from compensator.cutting.cutter import Cutter
 from compensator.cutting.removal import Engagement, mill_through
-from compensator.cutting.sloping import beyond_way
+from compensator.cutting.sloping import beside_ball, beyond_way, front, rings
 from compensator.cutting.stock import Stock
 from compensator.cutting.track import Track
 from tests.compensator.cutting.milled import FLAT, MILL, block, force_of, track_along
@@ -193,3 +193,67 @@ def test_a_thick_layer_that_is_empty_is_air_down_to_its_foot(slope: float) -> No
     assert empty.cuts.sum() > 10
     np.testing.assert_array_equal(empty.weights, none.weights)
     np.testing.assert_array_equal(empty.moved[:2], none.moved[:2])
+
+
+def test_the_front_ends_where_the_surface_goes_along_the_feed() -> None:
+    """Where n . f is the least that cuts; all round or nowhere where it is that nowhere; half a circle on the level."""
+    rng = np.random.default_rng(5)
+    count = 400
+    sine, rise, turn = rng.uniform(0.02, 1.0, count), rng.uniform(-1.5, 1.5, count), rng.uniform(-3, 3, count)
+    rise[::10] = 0.0
+    travel = np.column_stack([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)])
+    least = rng.uniform(-0.1, 0.0, count)
+    half = front(sine, travel, least)
+    assert half[::10] == pytest.approx(np.pi / 2)
+
+    def along(angle: np.ndarray) -> np.ndarray:
+        """n . f at an angle to the left of the feed."""
+        normal = np.column_stack([sine * np.cos(turn + angle), sine * np.sin(turn + angle), -np.sqrt(1 - sine**2)])
+        return np.asarray(np.einsum("ni,ni->n", normal, travel) - np.where(rise == 0, 0.0, least))
+
+    some = (half > 1e-6) & (half < np.pi - 1e-6)
+    assert 0.4 < some.mean() < 0.9
+    assert along(half)[some] == pytest.approx(0, abs=1e-9)
+    assert (along(np.zeros(count))[half <= 1e-6] <= 1e-9).all()
+    assert (along(np.full(count, np.pi))[half >= np.pi - 1e-6] >= -1e-9).all()
+    assert {0, 1} <= set((half > 1).astype(int)[~some])
+
+
+def test_layers_of_a_ball_are_looked_at_in_rings_of_two_and_a_half_degrees() -> None:
+    """Equal ones, from foot to top, of the layers on the ball that are asked for; others stay whole."""
+    radius = 8e-3
+    foot = np.array([0.0, 0.5e-3, 3e-3, 7.9e-3, 9e-3, 0.0])
+    thick = np.array([0.5e-3, 0.2e-3, 2e-3, 0.2e-3, 1e-3, 8e-6])
+    own, low, high = rings(foot, thick, radius, np.array([True, True, True, True, True, True]))
+    high = low + high
+    for layer in range(6):
+        mine = own == layer
+        assert low[mine][0] == pytest.approx(foot[layer], abs=1e-15)
+        assert high[mine][-1] == pytest.approx(foot[layer] + thick[layer], abs=1e-15)
+        assert low[mine][1:] == pytest.approx(high[mine][:-1], abs=1e-15)
+        polar = np.degrees(np.arccos(np.clip(1 - np.append(low[mine], high[mine][-1]) / radius, -1, 1)))
+        if foot[layer] + thick[layer] < radius:
+            assert np.diff(polar) == pytest.approx((polar[-1] - polar[0]) / mine.sum())
+            assert (polar[-1] - polar[0]) / 2.5 <= mine.sum() < (polar[-1] - polar[0]) / 2.5 + 1
+        else:
+            assert mine.sum() == 1
+    assert (np.bincount(own) > 1).sum() >= 3
+    own, low, high = rings(foot, thick, radius, np.array([False, True, False, False, False, False]))
+    assert np.flatnonzero(np.bincount(own) > 1).tolist() == [1]
+    np.testing.assert_array_equal(low[own != 1], foot[[0, 2, 3, 4, 5]])
+    np.testing.assert_array_equal(high[own != 1], thick[[0, 2, 3, 4, 5]])
+
+
+def test_points_are_beside_the_steps_before_their_own() -> None:
+    """In whatever order they come: of the third step beside the first and second, of the first beside none."""
+    rng = np.random.default_rng(2)
+    first, way = rng.normal(size=(4, 3)), 0.4 * rng.normal(size=(4, 3))
+    step, shank, radius = np.array([2, 0, 3, 1, 2, 0, 3]), np.array([True, False, True, True]), 0.7
+    spot = 1.5 * rng.normal(size=(3, len(step), 5))
+    found = beside_ball(spot, step, first, first + way, shank, radius)
+    for k, own in enumerate(step):
+        least = np.ones(5)
+        for before in range(own):
+            away = beyond_way(spot[:, k], first[before], first[before] + way[before], bool(shank[before])) - radius
+            least = np.minimum(least, away)
+        assert found[k] == pytest.approx(least, abs=1e-12)

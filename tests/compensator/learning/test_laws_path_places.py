@@ -309,3 +309,82 @@ def test_more_points_than_the_work_is_done_with_are_averaged(tracks: TwoTracks, 
     assert [(one.code, one.level, one.message, one.file) for one in rows.findings] == ([] if count == 140 else [
         ("CS5308", "note", "141 points are averaged to 140 places along the path", str(tmp_path / "p.csv"))])
     assert sorted(1e6 * rows.sigma)[0] == pytest.approx(4 if count == 140 else 4 / np.sqrt(2))
+
+
+@pytest.mark.parametrize("most", [1000, 25])
+@pytest.mark.parametrize("shifted", [False, True])
+def test_rows_are_the_means_of_neighbours_along_alike_directions(
+    tracks: TwoTracks, tmp_path: Path, most: int, shifted: bool
+) -> None:
+    """Number by number, in a loop: neighbours of equal number along the path, none over a gap of 10 mm, walls that face each
+    other apart; what was measured less the offsets there; of each mean its sigma, direction, place, and what of the deviation
+    of which target stands in it."""
+    rng = np.random.default_rng(11)
+    x = np.concatenate([rng.uniform(1, 20, 25), rng.uniform(33, 59, 25), rng.uniform(1, 59, 20)])
+    y = np.repeat([0.0, 6.0], [50, 20])
+    side = np.where(rng.random(70) < 0.5, 1.0, -1.0)
+    normal = np.column_stack([side * 0.28, side * 0.96, np.zeros(70)])
+    normal[::9] = [0, 0, 1.0]
+    table = np.column_stack([x, y, np.full(70, DEPTH), normal, rng.normal(0, 30, 70), rng.uniform(2, 6, 70)]).round(3)
+    file = written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,nx,ny,nz,dn_um,std_um", table)
+    points = read_points(file, read_cell(tracks.inputs.cell))
+    predicted = tracks.predicted
+    placed = place_points(points, predicted, 0.0, 1e-3)
+    assert len(placed.rows) == 70
+    path, targets = predicted.path, predicted.targets
+    off = 1e-6 * rng.normal(0, 20, (len(path.length), 3))
+    offsets: Any = SimpleNamespace(over=lambda _: off) if shifted else None
+    rows = rows_of(points, placed, predicted, offsets, most)
+    # Groups of points in the order of the path.
+    group, number = [], -1
+    for k in range(70):
+        new = k == 0 or most >= 70 or k * most // 70 != (k - 1) * most // 70 or placed.length[k] - placed.length[k - 1] > 10e-3
+        number += new
+        group.append(number)
+    if most == 25:
+        assert number + 1 > 25      # a gap within one
+    moved = predicted.prediction.position
+    steep = np.zeros_like(moved)
+    for a in range(len(targets)):
+        for b in (a - 1, a + 1):
+            if 0 <= b < len(targets):
+                way = max(abs(path.length[targets[b]] - path.length[targets[a]]), 1e-4)
+                steep[a] = np.maximum(steep[a], np.abs(moved[b] - moved[a]) / way)
+    members: dict[tuple[int, int], list[int]] = {}
+    for k, point in enumerate(placed.rows):
+        main = int(np.argmax(np.abs(normal[point])))
+        members.setdefault((group[k], main + 3 * (normal[point, main] < 0)), []).append(k)
+    assert len(rows) == len(members)
+    displacement = rng.normal(size=(len(targets), 3))
+    two = rows.seen(np.stack([displacement, displacement**2], axis=2))
+    assert two == pytest.approx(np.column_stack([rows.seen(displacement), rows.seen(displacement**2)]))
+    for row, key in enumerate(sorted(members)):
+        value, direction, variance, seen, steeper = 0.0, np.zeros(3), 0.0, np.zeros((len(targets), 3)), 0.0
+        for k in members[key]:
+            point, share = placed.rows[k], placed.share[k]
+            near = placed.after[k] if share > 0.5 else placed.before[k]
+            along = path.base_from_object.rotation[targets[near]] @ normal[point]
+            seen[placed.before[k]] += (1 - share) * along
+            seen[placed.after[k]] += share * along
+            direction += along
+            value += 1e-6 * table[point, 6]
+            variance += (1e-6 * table[point, 7]) ** 2
+        count = len(members[key])
+        seen /= count
+        steeper = float(np.sum(np.abs(seen) * steep))
+        value = value / count - (float(np.sum(seen * off[targets])) if shifted else 0.0)
+        assert rows.value[row] == pytest.approx(value, abs=1e-12)
+        assert rows.sigma[row] == pytest.approx(np.sqrt(variance) / count, rel=1e-9)
+        assert rows.direction[row] == pytest.approx(direction / count, abs=1e-12)
+        assert rows.steep[row] == pytest.approx(steeper, rel=1e-9, abs=1e-15)
+        assert rows.place[row] == key[0]
+        assert rows.seen(displacement)[row, 0] == pytest.approx(float(np.sum(seen * displacement)), abs=1e-12)
+    for place in range(number + 1):
+        own = [k for k in range(70) if group[k] == place]
+        before, after, share = placed.before[own], placed.after[own], placed.share[own, None]
+        for found, of in ((rows.position, path.base_from_tcp.position), (rows.posture, path.theta)):
+            middle = ((1 - share) * of[targets[before]] + share * of[targets[after]]).mean(axis=0)
+            assert found[place] == pytest.approx(middle, abs=1e-12)
+        assert (rows.length[place], rows.time[place]) == pytest.approx((placed.length[own].mean(), placed.time[own].mean()))
+    # In the time that the moves up to there take at the programmed feed, of 40 mm/s.
+    assert np.diff(placed.time) == pytest.approx(np.diff(placed.length) / 40e-3, rel=1e-6)

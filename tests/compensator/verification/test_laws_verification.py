@@ -13,12 +13,12 @@ import pytest
 from click.testing import CliRunner, Result
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
-from scipy.stats import norm
+from scipy.stats import norm, t
 
 from compensator.verification.batch_means import mean_along
 from compensator.verification.comparison import Scale, compare, estimate_scale
 from compensator.verification.readings import Readings, nearest, read_readings
-from compensator.verification.verify import Verification, _comparison_text, _scale_text
+from compensator.verification.verify import Verification, _comparison_text, _scale_findings, _scale_text
 from compensator.verification.verify import verify as verify_files
 from compstiff.cli.main import compstiff
 from identification.common.findings import CompstiffError
@@ -144,6 +144,47 @@ def test_the_interval_of_a_ratio_is_as_wide_as_that_of_chance() -> None:
     assert found.interval[0] < 3 < found.interval[1]
 
 
+def test_a_comparison_is_that_of_its_places_one_by_one() -> None:
+    """In a loop over places, of which components are missing: sizes, what got worse by over two sigma of both sizes, the noise
+    of what is left, and the interval of the means of sixteen blocks (of the logarithm of the ratio, to first order)."""
+    rng, count = np.random.default_rng(31), 480
+    both = [1e-6 * size * rng.normal(size=(count, 3)) for size in (12.0, 10.0)]
+    sigmas = [1e-6 * rng.uniform(1.0, 6.0, (count, 3)) for _ in range(2)]
+    for deviation in both:
+        deviation[rng.random((count, 3)) < 0.2] = np.nan
+    found = compare(*(Readings("", "target", np.arange(count)[:, None], deviation, sigma, None)
+                      for deviation, sigma in zip(both, sigmas, strict=True)))
+    size, noise, worse = [], [], 0
+    for k in range(count):
+        some = [axis for axis in range(3) if np.isfinite(both[0][k, axis]) and np.isfinite(both[1][k, axis])]
+        if not some:
+            continue
+        own = [float(np.linalg.norm(deviation[k, some])) for deviation in both]
+        along = [float(np.sqrt(sum((deviation[k, axis] / length * sigma[k, axis]) ** 2 for axis in some)))
+                 for deviation, length, sigma in zip(both, own, sigmas, strict=True)]
+        worse += own[1] - own[0] > 2 * np.hypot(*along)
+        size.append(own)
+        noise.append(sum(sigmas[1][k, axis] ** 2 for axis in some))
+    before, after = np.array(size).T
+    assert (found.before.points, found.worse) == (len(before), worse)
+    assert worse > 20
+    assert found.noise_um == pytest.approx(1e6 * np.sqrt(np.mean(noise)))
+    for figures, own in ((found.before, before), (found.after, after)):
+        assert (figures.rms_um, figures.mean_um, figures.max_um) == pytest.approx(
+            (1e6 * np.sqrt(np.mean(own**2)), 1e6 * own.mean(), 1e6 * own.max()))
+        assert figures.p95_um == pytest.approx(1e6 * np.quantile(own, 0.95))
+    ratio = np.sqrt(np.mean(before**2) / np.mean(after**2))
+    told = 0.5 * (before**2 / np.mean(before**2) - after**2 / np.mean(after**2))
+    blocks = np.array([np.mean(part) for part in np.array_split(told, 16)])
+    half = t.ppf(0.975, 15) * blocks.std(ddof=1) / 4
+    assert found.ratio == pytest.approx(ratio)
+    assert found.interval == pytest.approx((ratio * np.exp(-half), ratio * np.exp(half)))
+    assert (found.verdict, found.log_ratio.blocks if found.log_ratio else 0) == ("better", 16)
+    both[0], both[1] = both[1], both[0]
+    assert compare(*(Readings("", "target", np.arange(count)[:, None], deviation, sigma, None)
+                     for deviation, sigma in zip(both, sigmas, strict=True))).verdict == "worse"
+
+
 def test_the_scale_beside_a_constant_is_that_of_the_components_that_were_measured() -> None:
     """Against least squares with a constant for each axis over what is known of either, and with none."""
     rng = np.random.default_rng(18)
@@ -175,6 +216,26 @@ def test_a_scale_is_handed_on_where_it_is_one(change: dict[str, object], option:
     """A half width of the interval is 1.96 sigma. Nothing where a constant shows beside it, other axes, or a size that no robot
     has; where 1 will do, 1."""
     assert replace(SURE, **change).option == option
+
+
+@pytest.mark.parametrize(("x", "y", "apart"), [
+    ((1.0, 1.2), (1.3, 1.5), True), ((1.3, 1.5), (1.0, 1.2), True), ((1.0, 1.3), (1.2, 1.5), False),
+    ((1.2, 1.5), (1.0, 1.3), False), ((1.0, 1.6), (1.2, 1.4), False), ((1.2, 1.4), (1.0, 1.6), False),
+    (None, (1.3, 1.5), False), ((1.0, 1.2), None, False)])
+@pytest.mark.parametrize("share", [0.045, 0.055])
+def test_axes_are_told_apart_whose_intervals_have_nothing_in_common(
+    x: tuple[float, float] | None, y: tuple[float, float] | None, apart: bool, share: float
+) -> None:
+    """Where one scale leaves over a twentieth of the measured beyond what is left with each its own, by the sum of squares."""
+    own = {axis: replace(SURE, scale=1.0 if interval is None else float(np.mean(interval)), interval=interval, points=points,
+                         residual_rms_um=left) for axis, interval, points, left in (("x", x, 80, 8.0), ("y", y, 100, 12.0))}
+    squares = 80 * 8.0**2 + 100 * 12.0**2 + 100 * (100 * share) ** 2
+    found = [one for one in _scale_findings(replace(SURE, residual_rms_um=float(np.sqrt(squares / 100))), own, "before.csv")
+             if one.code == "CS6030"]
+    assert len(found) == (apart and share > 0.05)
+    for one in found:
+        assert one.message.startswith(f"along x the measured deviation is {own['x'].scale:.3f} times")
+        assert f"one scale leaves {100 * share:.1f} um RMS that would not be left with each its own" in one.message
 
 
 @pytest.mark.parametrize(("interval", "inside"), [((0.9, 1.1), True), ((1.0, 1.2), True), ((0.8, 1.0), True),
