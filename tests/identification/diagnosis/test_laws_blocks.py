@@ -85,10 +85,12 @@ def test_a_block_is_the_mean_of_neighbours_of_one_pass_and_purpose(
         np.testing.assert_allclose(getattr(averaged, name), means(getattr(rows, name)), rtol=1e-12, atol=1e-18)
     for name in ("time", "dwell"):
         np.testing.assert_allclose(getattr(averaged, name), means(getattr(rows, name)[:, None])[:, 0], rtol=1e-12)
-    # Of n rows that share their noise over tau the mean is as good as that of n / tau; none is worse than one reading.
+    # Of n readings that share their noise over tau the mean is as good as that of n / tau; none is worse than one reading.
     stated = means(np.where(np.isnan(rows.sigma), cell.noise.deflection, rows.sigma))
-    worth = np.maximum([len(block) / min(thinning.autocorrelation_time, length) for block in blocks], 1)
-    np.testing.assert_allclose(averaged.sigma, stated / np.sqrt(worth)[:, None], rtol=1e-12)
+    read = np.array([(~np.isnan(rows.deflection[block])).sum(axis=0) for block in blocks])
+    assert any(0 < few < len(block) for block, each in zip(blocks, read, strict=True) for few in each), "some are missing"
+    worth = np.maximum(read / min(thinning.autocorrelation_time, length), 1)
+    np.testing.assert_allclose(averaged.sigma, stated / np.sqrt(worth), rtol=1e-12)
 
 
 def memory_of(series: NDArray[np.float64], window: int) -> float:

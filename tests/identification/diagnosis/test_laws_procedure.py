@@ -62,6 +62,36 @@ def test_what_is_looked_for_without_an_alarm_is_said_where_it_is_likely_or_neede
     assert Procedure(data, {}, 0.05, 10, 0).judged().verdict == verdict
 
 
+ALL, OTHERS = "all poses", "the other poses"
+
+
+@pytest.mark.parametrize(("first", "again", "angle", "of", "verdict"), [
+    ("named", "unknown", None, ALL, "named"), ("ambiguous", "unknown", None, ALL, "ambiguous"),
+    ("unknown", "unknown", None, ALL, "unknown"), ("unknown", "unknown", 1.0, OTHERS, "unknown"),
+    ("named", "adequate", None, OTHERS, "named"), ("named", "named", None, OTHERS, "named"),
+    ("named", "ambiguous", None, OTHERS, "ambiguous"), ("ambiguous", "named", None, OTHERS, "named"),
+    ("ambiguous", "adequate", None, OTHERS, "named"), ("unknown", "ambiguous", None, OTHERS, "ambiguous"),
+    ("ambiguous", "mistake", None, OTHERS, "mistake")])
+def test_an_answer_of_all_poses_stands_where_the_others_alone_have_none(
+        monkeypatch: pytest.MonkeyPatch, first: str, again: str, angle: float | None, of: str, verdict: str) -> None:
+    """A pose is left out where the others are explained then. Where they have no name but all of them do, or a few names to
+    choose from, that is the better answer; where neither has, the pose is told for what is seen, unless its angle is wrong."""
+    bad = (SimpleNamespace(score=SimpleNamespace(name="P7", wrong_angle=angle), mends=()),)
+    monkeypatch.setattr(procedure, "with_mends", lambda *of: bad)
+    monkeypatch.setattr(procedure, "replace", lambda thing, **changed: SimpleNamespace(**{**vars(thing), **changed}))
+    rows = SimpleNamespace(row=np.arange(1, 10), select=lambda kept: kept)
+    itself: Any = SimpleNamespace(data=SimpleNamespace(rows=rows, with_rows=lambda kept: kept.tolist()), sound=False)
+    itself.judged = lambda: SimpleNamespace(verdict=again, of=OTHERS, patterns=())
+    itself.without_bad_rows = lambda judgement: judgement
+    judgement: Any = SimpleNamespace(verdict=first, of=ALL, patterns=("seen",), rows=None, mistakes=(), bad_visits=())
+    test: Any = SimpleNamespace(rest=0, bad=[SimpleNamespace(rows=np.array([2, 5]))])
+    found: Any = Procedure.without_bad_visits(itself, judgement, test)
+    assert (found.of, found.verdict) == (of, verdict)
+    assert found.bad_visits == (bad if of == OTHERS else ())
+    least = "P7 fit least of all poses the springs of the others, which are not explained either"
+    assert found.patterns == (() if of == OTHERS else (least, "seen") if first == "unknown" else ("seen",))
+
+
 @pytest.mark.parametrize(("drawn", "rank"), [([0.0, 1.0, 2.0, 4.0], 2), ([5.0, 3.0, 9.0, 4.0], 5), ([0.0] * 4, 1)])
 def test_rare_is_what_few_replicates_reach(monkeypatch: pytest.MonkeyPatch, drawn: list[float], rank: int) -> None:
     """The data, a surprise of 3, stand among five alike; rarer than the first of five nothing can be told to be."""

@@ -66,6 +66,18 @@ def test_a_stiffness_of_a_log_is_stated_from_three_sigmas_and_reliable_from_six(
     assert ("1.8 % of its variance is its own, 2 % are needed" in found.reason) is (share < 0.02)
 
 
+@pytest.mark.parametrize(("samples", "grade"), [(10, "tentative"), (14, "tentative"), (15, "reliable"), (50, "reliable")])
+def test_a_stiffness_is_reliable_from_ten_samples_on_beyond_those_that_are_fitted(
+        tmp_path: Path, samples: int, grade: str) -> None:
+    """One every 0.34 s: the band takes none away. An offset, the compliance, friction, inertia and a delay are fitted."""
+    values = {name: column[::85][:samples] for name, column in columns(3, {}).items()}
+    found = axis_stiffness(2, [read_motion_log(write(tmp_path / "a.csv", values))])
+    assert found.compliance / found.std > 12
+    assert found.grade == grade
+    said = f"; {samples - 5} samples beyond the coefficients that are fitted, reliable from 10 on"
+    assert found.reason.endswith(said) is (samples < 15)
+
+
 @pytest.mark.parametrize(("apart", "grade"), [(2.5, "reliable"), (2.7, "tentative")])
 def test_records_disagree_that_chance_makes_so_once_in_a_hundred(
         monkeypatch: pytest.MonkeyPatch, apart: float, grade: str) -> None:
