@@ -92,6 +92,45 @@ def test_an_answer_of_all_poses_stands_where_the_others_alone_have_none(
     assert found.patterns == (() if of == OTHERS else (least, "seen") if first == "unknown" else ("seen",))
 
 
+@pytest.mark.parametrize(("first", "answers", "seen", "verdict", "allowed"), [
+    ("unknown", {"swing": "adequate"}, "swing", "named", "swing"), ("unknown", {"swing": "named"}, "swing", "named", "swing"),
+    ("named", {"swing": "ambiguous"}, "swing", "ambiguous", "swing"), ("unknown", {"swing": "unknown"}, "swing", "unknown", ""),
+    ("unknown", {"swing": "mistake"}, "swing", "unknown", ""), ("mistake", {}, "swing zero", "mistake", ""),
+    ("adequate", {"swing": "adequate"}, "swing zero", "named", "swing zero"), ("adequate", {}, "zero", "adequate", ""),
+    ("ambiguous", {"zero": "named"}, "zero", "named", "zero"), ("unknown", {"swing": "unknown"}, "swing zero", "named", "zero"),
+    ("unknown", {"swing": "ambiguous", "zero": "unknown"}, "swing zero", "ambiguous", "swing")])
+def test_scatter_is_in_the_noise_where_the_rows_are_explained_with_it(
+        monkeypatch: pytest.MonkeyPatch, first: str, answers: dict[str, str], seen: str, verdict: str, allowed: str) -> None:
+    """Of weights that swing, then of zeros that lie aside, each beside what was taken for one before, and looked for in what
+    the fit that was tried leaves; springs that are enough beside it are a name. Beside a mistake nothing is looked for, and
+    zeros lie aside where springs do not explain the rows alone."""
+    def of(name: str) -> Any:
+        def found(left: str) -> Any:
+            looked.append((name, left))
+            return SimpleNamespace(name=name, allowed_for=lambda data, plain: (*data, name)) if name in seen.split() else None
+        return found
+
+    looked: list[tuple[str, str]] = []
+    monkeypatch.setattr(procedure, "swing_of", of("swing"))
+    monkeypatch.setattr(procedure, "unsettled_zero_of", of("zero"))
+
+    def replaced(thing: Any, **changed: Any) -> Any:
+        changed = SimpleNamespace(**{**vars(thing), **changed})
+        last = answers.get(changed.data[-1], "adequate") if getattr(changed, "data", ()) else ""
+        changed.of_good_rows = lambda: SimpleNamespace(
+            verdict=last, tried=None, extended=f"after {changed.data[-1]}", plain="plain", scatters=())
+        return changed
+
+    monkeypatch.setattr(procedure, "replace", replaced)
+    itself: Any = SimpleNamespace(data=())
+    judgement: Any = SimpleNamespace(verdict=first, tried="tried", extended="extended", plain="plain", scatters=())
+    judged: Any = Procedure.allowing_for_scatter(itself, judgement)
+    assert judged.verdict == verdict
+    assert " ".join(scatter.name for scatter in judged.scatters) == allowed
+    assert looked == [(name, "after swing" if name == "zero" and "swing" in allowed else "tried") for name in ("swing", "zero")
+                      if first != "mistake" and not (name == "zero" and first == "adequate" and "swing" not in allowed)]
+
+
 @pytest.mark.parametrize(("drawn", "rank"), [([0.0, 1.0, 2.0, 4.0], 2), ([5.0, 3.0, 9.0, 4.0], 5), ([0.0] * 4, 1)])
 def test_rare_is_what_few_replicates_reach(monkeypatch: pytest.MonkeyPatch, drawn: list[float], rank: int) -> None:
     """The data, a surprise of 3, stand among five alike; rarer than the first of five nothing can be told to be."""

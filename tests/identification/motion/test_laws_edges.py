@@ -244,6 +244,13 @@ def test_a_cause_of_a_log_is_certain_to_nineteen_in_twenty(
     assert withdrawn == ()
 
 
+@pytest.mark.parametrize(("causes", "explained", "patterns", "named"), [
+    (1, 0.951, 1, True), (1, 0.949, 1, False), (1, 0.2, 0, True), (0, 0.99, 0, False), (2, 0.95, 3, True)])
+def test_causes_are_named_that_leave_no_pattern_or_a_twentieth_of_the_misfit(
+        causes: int, explained: float, patterns: int, named: bool) -> None:
+    assert procedure.enough(causes * ("cause",), explained, patterns * ("the torque",)) is named
+
+
 def leap(effect: Any, size: float = 1e-4) -> Any:
     return Leap(effect, 2, "a.csv", size, 1e-6, 5.0, 0.005)
 
