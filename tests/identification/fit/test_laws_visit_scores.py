@@ -118,6 +118,26 @@ def test_a_visit_is_looked_at_that_stands_still_under_load(
     assert visits.testable(replace(rows, theta=angles, wrench=wrench, machined_pass=passes), mine) is told
 
 
+def test_a_visit_is_named_by_its_label_or_its_first_line(springs: tuple[LoadTest, Posterior]) -> None:
+    rows = springs[0].rows
+    label = np.array([f"P{k}" for k in range(len(rows))], dtype=object)
+    mine = np.flatnonzero(rows.visit == 3)
+    assert visits.visit_name(replace(rows, pose=label), mine) == f"P{mine[0]}"
+    bare = replace(rows, pose=np.full(len(rows), "", dtype=object))
+    assert visits.visit_name(bare, mine) == f"the pose from line {rows.line[mine[0]]}"
+
+
+def test_rows_count_little_that_count_under_three_tenths(
+        springs: tuple[LoadTest, Posterior], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of each visit by itself; of rows that were not fitted all count."""
+    data, fitted = springs
+    weight = np.ones(len(fitted.data.rows))
+    weight[:4], weight[9] = [0.29, 0.31, 0.05, 0.5], 0.1
+    monkeypatch.setattr(visits, "_matched", lambda fitted, numbers: weight[np.searchsorted(fitted.data.rows.row, numbers)])
+    test = score_visits(fitted, data, np.random.default_rng(0), 0)
+    assert [score.light for score in test.scores] == [2, 1] + (VISITS - 2) * [0]
+
+
 def scores(count: int) -> list[VisitScore]:
     return [VisitScore(f"P{k}", np.array([k + 1]), k + 2, 0, 0.0, 1.0, 0.0, np.zeros(3), np.ones(3)) for k in range(count)]
 
