@@ -473,11 +473,26 @@ def test_five_of_the_nearest_causes_go_with_an_unknown_one(monkeypatch: pytest.M
 def test_causes_explain_something_by_e_and_mistakes_are_clear_by_e_3_more_or_e_103_before_all_is_tried(
         monkeypatch: pytest.MonkeyPatch, support: float, mistake: float, enough: bool, verdict: str) -> None:
     """Causes of ln posterior 0, which explain the rows or do not; a mistake of another one."""
+    assert of_causes(monkeypatch, 0.01, 0.5 if enough else 1e-4, support, mistake, enough) == verdict
+
+
+@pytest.mark.parametrize(("before", "after", "verdict"), [
+    (0.001, 0.004, "unknown"), (0.001, 0.006, "names"), (0.04, 0.035, "unknown"), (0.04, 0.045, "names"),
+    (0.2, 0.1, "names"), (0.2, 0.004, "unknown")])
+def test_causes_are_enough_that_leave_what_one_in_two_hundred_shows_and_less_of_an_alarm_than_before(
+        monkeypatch: pytest.MonkeyPatch, before: float, after: float, verdict: str) -> None:
+    """By the p-values of the misfit; where there was no alarm, at 0.05, less of one is not asked for."""
+    assert of_causes(monkeypatch, before, after) == verdict
+
+
+def of_causes(monkeypatch: pytest.MonkeyPatch, before: float, after: float, support: float = 9.0, mistake: float = -99.0,
+              enough: bool = True) -> str:
+    """The verdict where causes of this ln evidence take the misfit's p-value from one to another; enough: to the search."""
     seen = SimpleNamespace(dictionary=SimpleNamespace(entries=range(9)))
     fitted: Any = SimpleNamespace(components=VarianceComponents(), with_usual_noise=None)
     found: Any = SimpleNamespace(
         named=SimpleNamespace(seen=seen, lost=()), best=SimpleNamespace(log_evidence=support), fitted=fitted, scatter={},
-        adequacy=SimpleNamespace(p_value=0.5 if enough else 1e-4), enough=enough)
+        adequacy=SimpleNamespace(p_value=after), enough=enough)
     candidate: Any = SimpleNamespace(candidate=SimpleNamespace(log_posterior=mistake))
     mistakes = Mistakes(None, (candidate,), None)
     # What looking further comes to is less than the mistake is likelier by, unless that is e^100 and more.
@@ -491,8 +506,8 @@ def test_causes_explain_something_by_e_and_mistakes_are_clear_by_e_3_more_or_e_1
     monkeypatch.setattr(Procedure, "unknown", lambda self, judgement, *of: replace(judgement, verdict="unknown"))
     monkeypatch.setattr(Procedure, "with_names", lambda self, judgement, *of: replace(judgement, verdict="names"))
     nothing: Any = None
-    judgement: Any = Told(plain=fitted, detection=SimpleNamespace(p_value=0.01))
-    assert Procedure(nothing, {}, 0.05, 10, 0).named(judgement).verdict == verdict
+    judgement: Any = Told(plain=fitted, detection=SimpleNamespace(p_value=before))
+    return Procedure(nothing, {}, 0.05, 10, 0).named(judgement).verdict
 
 
 @pytest.mark.parametrize("positive", [False, True])

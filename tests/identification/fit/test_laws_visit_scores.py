@@ -170,6 +170,18 @@ def test_without_replicates_a_surprise_is_as_rare_as_any_visit_shows_it() -> Non
     assert (nothing.scores, nothing.p_value, nothing.resolution) == ((), 1.0, 1.0)
 
 
+@pytest.mark.parametrize(("weakest", "told"), [(0.9e-6, 5), (1.1e-6, 6)])
+def test_a_visit_tells_the_directions_that_readings_see_to_a_millionth(weakest: float, told: int) -> None:
+    """Of the information of its best; what no reading of it says is none."""
+    columns = np.zeros((3, 3, 7))
+    columns[0, :, :3], columns[1, :, 3:6] = np.eye(3), 0.5 * np.eye(3)
+    columns[1, 1, 4] = np.sqrt(weakest)
+    precision = np.tile(np.eye(3), (3, 1, 1))
+    assert visits._directions(columns, precision) == told
+    precision[0, 2, 2] = 0.0
+    assert visits._directions(columns, precision) == told - 1
+
+
 def test_a_visit_s_offset_is_told_by_its_largest_component() -> None:
     """In its own standard deviations; null where loads that do not differ cannot tell it."""
     one = replace(scores(1)[0], offset=np.array([1e-6, -9e-6, 5e-6]), offset_std=np.array([1e-6, 3e-6, 1e-6]))
