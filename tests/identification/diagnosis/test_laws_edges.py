@@ -348,6 +348,18 @@ class Told:
     expected_std: Array = field(default_factory=lambda: np.full((4, 3), 2e-6))
 
 
+@pytest.mark.parametrize(("changed", "small"), [
+    ({}, True), ({"robot_difference": 2.05e-7}, False), ({"verdict": "named"}, False), ({"carried": None}, False),
+    ({"unsettled": True}, False), ({"mistakes": ("a mistake",)}, False), ({"robot_difference": None}, False)])
+def test_a_choice_is_small_that_changes_a_correction_by_under_two_per_cent_of_what_was_measured(
+        changed: dict[str, Any], small: bool) -> None:
+    """Of 10 um, root mean square of all components, a reading that was not taken counted as nothing."""
+    deflection = np.array([[2e-5, 0.0, np.nan], [0.0, 1e-5, -1e-5]])
+    judgement = SimpleNamespace(**{"verdict": "ambiguous", "carried": "a model", "unsettled": False, "mistakes": (),
+                                   "robot_difference": 1.95e-7, "rows": SimpleNamespace(deflection=deflection)} | changed)
+    assert vars(Judgement)["choice_is_small"].fget(judgement) is small
+
+
 @dataclass(frozen=True)
 class One:
     """A cause."""
