@@ -85,6 +85,17 @@ def test_zeros_lie_aside_at_four_poses(count: int, seen: bool) -> None:
     assert (unsettled_zero_of(poses([9.0] * count)) is not None) is seen
 
 
+@pytest.mark.parametrize("lost", [(0, 1), (3, 4, 5), (2, 3, 4, 5)])
+def test_a_pose_without_zeros_or_without_loads_to_hold_them_against_says_nothing_of_zeros(lost: tuple[int, ...]) -> None:
+    """No reading of two that lost them, or one load or none is left of four: what the other five say stands."""
+    whole, spoiled = unsettled_zero_of(poses([9.0] * 5)), poses([9.0] * 6)
+    spoiled.residual[30 + np.array(lost)] = np.nan
+    found = unsettled_zero_of(spoiled)
+    assert whole is not None
+    assert found is not None
+    assert (found.size, found.p_value) == (pytest.approx(whole.size), pytest.approx(whole.p_value))
+
+
 @pytest.mark.parametrize(("squared", "seen"), [(0.9, True), (1.1, False)])
 def test_loads_cancel_that_are_off_by_less_than_they_scatter(squared: float, seen: bool) -> None:
     """Where the place at which their readings meet is known half as well as their mean."""

@@ -375,8 +375,8 @@ def test_what_three_axes_have_in_common_is_as_open_as_they_are_unlike(data: Load
     """No deflection shows it: of one axis of three that is off by g the mean is g / 3, and what is told of x and y 0.45 to 0.75
     g; 0.6 of that, 1 sigma."""
     effect, state = effects()["force_axis_gain"], data.load_state(1 / TRUE)
-    for start in ([0.02, -0.01], [-0.01, -0.01]):
-        term = Term(effect, None, np.array(start), np.full(2, 0.015), np.zeros(2))
+    for start, neutral in (([0.02, -0.01], 0.0), ([-0.01, -0.01], 0.0), ([0.02, -0.01], 0.5)):
+        term = Term(effect, None, np.array(start) + neutral, np.full(2, 0.015), np.full(2, neutral))
         free = [one for one in discrepancies(state, (term,)) if one.effect.name == "force_gain"]
         assert [one.joint for one in free] == [None]
         width = with_terms(data.prior, free).term_std

@@ -206,6 +206,31 @@ def test_a_force_error_that_a_visit_s_readings_share_is_half_a_per_cent_of_each_
     assert np.abs(np.corrcoef(np.concatenate([drawn[0], drawn[2]])) - np.eye(6)).max() < 0.04
 
 
+@pytest.mark.parametrize("has_it", [True, False])
+def test_a_visit_is_held_against_the_springs_and_what_a_named_cause_does_there(
+        springs: tuple[LoadTest, Posterior], has_it: bool) -> None:
+    """As it stands in the table: nothing is left of readings that have the cause, and all of it where they have not, against
+    half a per cent of the force through the springs, three where the arm's own weight is not known."""
+    data, _ = springs
+    effect, state = effects()["wrist_coupling"], data.load_state(1 / TRUE)
+    neutral, large = effect.neutral(state), 6 * effect.typical(state, None)
+    does = effect.contribution(state, None, neutral + large)[:, :3]
+    data = data.with_rows(replace(data.rows, deflection=data.rows.deflection + does))
+    rest = posterior(data.with_rows(data.rows.select(~data.rows.validate)),
+                     [Term(effect, None, neutral + large, large, neutral)])
+    rows = data.rows.select(data.rows.validate)
+    mine = np.flatnonzero(data.rows.validate)
+    visit = mending._Visit(rest, rows if has_it else replace(rows, deflection=rows.deflection - does[mine]), 1.0)
+    np.testing.assert_allclose(visit.expected, data.rows.deflection[mine], atol=1e-6)
+    _, (misfit,) = visit.judged([Slip("a digit", "as it is", rows.theta[0])])
+    per_newton = does[mine[-2]] / rows.wrench[-2, LAST % 3]
+    of_springs = (by_compliance(np.repeat(rows.theta[:1], 3, axis=0), data.cell.flange_from_tcp.position, np.eye(3))
+                  / TRUE).sum(axis=2).T
+    whole = per_newton @ np.linalg.solve(0.03**2 * of_springs @ of_springs.T, per_newton)
+    assert whole > 3
+    assert misfit == pytest.approx(0.0 if has_it else whole, rel=0.15, abs=0.15)
+
+
 @pytest.mark.parametrize(("links", "share"), [(True, 0.005), (False, 0.03)])
 def test_a_slip_leaves_of_a_response_what_the_forces_or_the_arm_s_own_weight_may_do(
         springs: tuple[LoadTest, Posterior], links: bool, share: float) -> None:
