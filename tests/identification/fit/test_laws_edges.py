@@ -424,7 +424,8 @@ def guessed(key: str, score: float, size: Any = None) -> Guess:
     # e^4 likelier than none (ln likelihood 7), but e^8 less with a size.
     ([11.2], [-0.8], 2), ([10.8], [-1.2], 0),
     # No more than e^30 behind the best; five at most, of those with a size any number.
-    ([90.0, 60.2], [], 2), ([90.0, 59.8], [], 1), ([90.0] * 6, [9.0] * 7, 12)])
+    ([90.0, 60.2], [], 2), ([90.0, 59.8], [], 1), ([90.0] * 6, [9.0] * 7, 12),
+    ([61.0, 90.0, 70.0, 85.0, 66.0, 75.0], [], 5)])
 def test_a_mistake_is_worth_a_fit_that_a_quick_look_finds_so_likely(
         monkeypatch: pytest.MonkeyPatch, scores: list[float], sizes: list[float], kept: int) -> None:
     found = [guessed(f"column {k}", score) for k, score in enumerate(scores)]
@@ -437,6 +438,8 @@ def test_a_mistake_is_worth_a_fit_that_a_quick_look_finds_so_likely(
     told = look.Look.guesses(itself)
     assert len(told) == kept
     assert sum(one.size is not None for one in told) == sum(score > -1 for score in sizes)
+    of_columns = [one.score for one in told if one.size is None]
+    assert of_columns == sorted(scores, reverse=True)[: len(of_columns)]
 
 
 @pytest.mark.parametrize(("second", "clear"), [(5.8, True), (6.2, False)])
