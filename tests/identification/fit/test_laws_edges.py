@@ -464,6 +464,44 @@ def test_of_mistakes_with_a_size_the_three_likeliest_are_fitted_from_e_3_under_n
     assert [guess.mistake.key for guess in search._hopeful(plain, sized)] == fitted
 
 
+@pytest.mark.parametrize(("first", "second", "again"), [
+    ([0.9, -0.9], None, False), ([2.5, -0.5], [0.3, 0.1], True), ([0.2, -1.1], [-0.1, 0.0], True)])
+def test_a_large_size_is_fitted_again_from_the_mended_rows(
+        monkeypatch: pytest.MonkeyPatch, first: list[float], second: list[float] | None, again: bool) -> None:
+    """One beyond its scale of 1. Its prior is about none all the same: a normal one of 5, of which the second fit has counted
+    what is left alone."""
+    calls: list[tuple[Any, list[float]]] = []
+    fits = iter([first, second])
+
+    def fit(data: Any, terms: Any, near: Any) -> Any:
+        calls.append((data, terms[0].tolist()))
+        found = next(fits)
+        assert found is not None
+        values = np.concatenate([np.full(6, 99.0), found])
+        return SimpleNamespace(map=values, likeliest=values + 0.01, prior=SimpleNamespace(term_std=np.full(2, 5.0)), data=data)
+
+    class Start(np.ndarray[Any, Any]):
+        scale = np.ones(2)
+
+    size = SimpleNamespace(
+        term=lambda joint, start: np.array(start).view(Start),
+        mistake=lambda data, joint, values, std: SimpleNamespace(mended=lambda data: ("mended", values.tolist())))
+    monkeypatch.setattr(search, "posterior", fit)
+    monkeypatch.setattr(search, "log_evidence", lambda model: 40.0)
+    monkeypatch.setattr(search, "left_out", lambda model, of: of)
+    monkeypatch.setattr(search, "poses", lambda rows: "poses of the table")
+    plain: Any = SimpleNamespace(data=SimpleNamespace(rows=None))
+    guess = replace(guessed("size", 0.0, size), log_prior=-3.0, joint=2, start=np.array([0.4, 0.4]))
+    found = search._with_size(plain, guess)
+    assert calls == [(plain.data, [0.4, 0.4]), (("mended", first), [0.0, 0.0])][: 1 + again]
+    moved, off = (np.array(first), np.array(second)) if again else (np.zeros(2), np.array(first))
+    counted = -0.5 * np.sum((off / 5) ** 2)
+    assert found.log_posterior - 40.0 + counted == pytest.approx(-3.0 - 0.5 * np.sum(((moved + off) / 5) ** 2))
+    assert found.found is not None
+    assert found.found.values == pytest.approx(moved + off + 0.01)
+    assert (found.found.joint, found.rows, found.left) == (2, None, "poses of the table")
+
+
 class Long:
     """So many rows of one visit."""
 
