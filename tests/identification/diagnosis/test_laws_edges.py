@@ -138,9 +138,12 @@ def test_a_swing_is_seen_at_four_poses_and_without_the_loudest(
 
 
 def test_force_errors_are_known_to_a_factor_of_two_beside_a_swing() -> None:
-    """ln 2: by one sigma either way half a unit of ln less likely, for what is the same along the load and across it."""
-    group: Any = SimpleNamespace(values=np.zeros((1, 1)), log_likelihood=lambda squared: np.zeros(1))
+    """ln 2: by one sigma either way half a unit of ln less likely, for what is the same along the load and across it. What the
+    visits say of a size counts all of it."""
+    group: Any = SimpleNamespace(values=np.zeros((2, 1)), log_likelihood=lambda squared: np.zeros(2))
+    telling: Any = SimpleNamespace(values=np.zeros((2, 1)), log_likelihood=lambda squared: np.array([3.0, -1.5]))
     sizes = swing._Sizes((group,), np.zeros(4))
+    assert swing._Sizes((group, telling), np.zeros(4)).cost(np.array([0.0, 0.7, 0.0, 0.0])) == pytest.approx(0.5 - 1.5)
     for off, cost in (([0.0, 0.7, 0.0, 0.0], 0.5), ([0.0, 0.0, -1.4, 0.0], 2.0), ([9.0, 0.0, 0.0, 9.0], 0.0)):
         assert sizes.cost(np.array(off)) == pytest.approx(cost)
 
