@@ -60,17 +60,19 @@ def in_blocks(cell: Cell, measurements: Measurements) -> tuple[Measurements, Thi
         part = np.arange(len(rows)) * STRETCHES // len(rows)
         stretch[rows] = [f"{measurements.machined_pass[rows[0]]} part {k + 1}" for k in part]
     _, first, member = np.unique(block, return_index=True, return_inverse=True)
-    size = np.bincount(member)
+
+    def summed(values: Array) -> Array:
+        total = np.zeros((len(first), *values.shape[1:]))
+        np.add.at(total, member, values)
+        return total
 
     def mean(values: Array) -> Array:
         known = ~np.isnan(values)
-        total = np.zeros((len(first), *values.shape[1:]))
-        counts = np.zeros_like(total)
-        np.add.at(total, member, np.where(known, values, 0.0))
-        np.add.at(counts, member, known)
+        total, counts = summed(np.where(known, values, 0.0)), summed(known)
         return np.divide(total, counts, out=np.full_like(total, np.nan), where=counts > 0)
 
-    worth = np.sqrt(size / min(memory.values, length))[:, None]
+    # Of each component by itself: a reading that is missing is worth nothing.
+    worth = np.sqrt(summed(~np.isnan(measurements.deflection)) / min(memory.values, length))
     stated = np.where(np.isnan(measurements.sigma), cell.noise.deflection, measurements.sigma)
     picked = measurements.select(np.isin(np.arange(len(measurements)), first))
     averaged = replace(

@@ -31,6 +31,7 @@ from identification.fit.noise import noise_model
 from identification.fit.posterior import Posterior
 from identification.measurements import Measurements
 from identification.model.cell import Cell
+from identification.model.gravity import fall_in_base
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -42,23 +43,26 @@ HELD, MOST_RIVALS = 0.95, 12
 # The cycle of one candidate, shares of the largest load: both signs, three magnitudes, back to zero.
 CYCLE = (0.0, 0.33, 0.67, 1.0, 0.0, -0.5, -1.0, 0.0)
 DWELL_S = (10.0, 60.0)
-AXIS_NAMES = "xyz"
+AXIS_NAMES, DOWN = "xyz", "down"
+# Of the weights that were measured with so many are hung on next.
+MOST_WEIGHTS = 6
 
 
 @dataclass(frozen=True, eq=False)
 class NextLoad:
-    """A load cycle worth measuring: theta (6,) [rad], base axis, forces (m,) [N]; distance: by how many sigmas the two
-    rivals that it separates best would differ; separates: their labels."""
+    """A load cycle worth measuring: theta (6,) [rad], base axis, None of weights, which hang straight down, forces (m,) [N];
+    distance: by how many sigmas the two rivals that it separates best would differ; separates: their labels."""
 
     theta: Array
-    axis: int
+    axis: int | None
     forces: Array
     distance: float
     separates: tuple[str, str]
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values."""
-        return {"kind": "load", "q_deg": np.degrees(self.theta).round(3).tolist(), "axis": AXIS_NAMES[self.axis],
+        return {"kind": "load", "q_deg": np.degrees(self.theta).round(3).tolist(),
+                "axis": DOWN if self.axis is None else AXIS_NAMES[self.axis],
                 "forces_n": self.forces.tolist(), "separates": list(self.separates), "expected_sigmas": self.distance}
 
 
@@ -186,18 +190,39 @@ def robot_difference(models: Sequence[Posterior]) -> float:
 
 
 def next_loads(rivals: Rivals, rng: np.random.Generator, count: int = 3) -> tuple[NextLoad, ...]:
-    """The load cycles, as large as the measured ones, that discriminate best, each at a pose of its own."""
+    """The load cycles, as large as the measured ones, that discriminate best, each at a pose of its own. Where the measured
+    ones were all weights, these are hung on and taken off again."""
     if len(rivals) < 2:
         return ()
     data = next(iter(rivals.values()))[0].data
-    force = float(np.abs(data.rows.wrench[:, :3]).max())
     poses, axes = _candidates(data.cell, rng)
-    separated = separation(candidate_rows(poses, axes, force), rivals)
+    fall = fall_in_base(data.cell.world_from_base)
+    down = fall / np.linalg.norm(fall)
+    hung, every = hung_cycle(data.rows, down), 3
+    if len(hung):
+        poses, every = poses[::3], 1
+        rows, forces = planned_rows(poses, np.tile(np.outer(hung, down), (len(poses), 1, 1)), DWELL_S), hung
+    else:
+        force = float(np.abs(data.rows.wrench[:, :3]).max())
+        rows, forces = candidate_rows(poses, axes, force), force * np.array(CYCLE)
+    separated = separation(rows, rivals)
     chosen = []
-    for k in discriminating(separated, count, np.arange(len(poses)) // 3):
+    for k in discriminating(separated, count, np.arange(len(poses)) // every):
         names, distance = separated.best_pair(k)
-        chosen.append(NextLoad(poses[k], int(axes[k]), force * np.array(CYCLE), distance, names))
+        chosen.append(NextLoad(poses[k], None if len(hung) else int(axes[k]), forces, distance, names))
     return tuple(chosen)
+
+
+def hung_cycle(rows: Measurements, down: Array) -> Array:
+    """Forces (m,) [N] along `down` (3,) of rows whose loads were all weights: nothing, each by rising size, the same back, and
+    nothing; empty where any load was none."""
+    loaded = np.any(rows.wrench[:, :3] != 0, axis=1)
+    if rows.hung is None or not loaded.any() or not rows.hung[loaded].all():
+        return np.zeros(0)
+    sizes = np.unique(np.round(rows.wrench[loaded, :3] @ down, 1))
+    sizes = sizes[np.argsort(np.abs(sizes), kind="stable")]
+    sizes = sizes[np.linspace(0, len(sizes) - 1, min(len(sizes), MOST_WEIGHTS)).astype(int)]
+    return np.concatenate([[0.0], sizes, sizes[-2::-1], [0.0]])
 
 
 def _candidates(cell: Cell, rng: np.random.Generator) -> tuple[Array, Indices]:

@@ -31,6 +31,7 @@ from identification.fit.visit_findings import (
 from identification.model.effects import effects
 from identification.model.effects.kinds import OF_THE_KIND
 from identification.model.effects_in_force import SPRINGS
+from identification.model.gravity import FREE_FALL
 from identification.model.load_state import PACE_S, LoadState
 
 # So many checks, and causes that would not have been noticed, are told on the terminal.
@@ -83,8 +84,12 @@ def answer(judgement: Judgement) -> list[str]:
                      f"{1e6 * gain.after:.2f} um RMS, ratio {gain.ratio:.2f} ({low:.2f} ... {high:.2f})")
     for load in judgement.next_loads:
         angles = ", ".join(f"{angle:.1f}" for angle in np.degrees(load.theta))
-        lines.append(f"next: load cycle along base {'xyz'[load.axis]} up to {np.abs(load.forces).max():.0f} N at joints "
-                     f"({angles}) deg separates {' from '.join(map(cause_words, load.separates))} by {load.distance:.1f} sigma")
+        size = float(np.abs(load.forces).max())
+        what = f"weights up to {size / FREE_FALL:.3g} kg" if load.axis is None else (
+            f"load cycle along base {'xyz'[load.axis]} up to {size:.0f} N")
+        lines.append(f"next: {what} at joints ({angles}) deg "
+                     f"{'separate' if load.axis is None else 'separates'} {' from '.join(map(cause_words, load.separates))} "
+                     f"by {load.distance:.1f} sigma")
     return lines + [f"next: check: {what} ({about})" for what, about in checks_of(next_measurements(judgement))[:MOST_CHECKS]]
 
 

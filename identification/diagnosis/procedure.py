@@ -163,13 +163,14 @@ class Procedure:
                        validation=judge_validation(judgement.extended, self.data, self.seed))
 
     def without_bad_visits(self, judgement: Judgement, test: VisitTest) -> Judgement:
-        """The judgement of the other visits; of all of them where those have a name and the others have none."""
+        """The judgement of the other visits; of all of them where those have a name, or a few to choose from, and the others
+        have none."""
         assert test.rest is not None
         bad, rows = with_mends(test, test.rest, judgement.rows), self.data.rows
         out = np.isin(rows.row, np.concatenate([score.rows for score in test.bad]))
         rest = replace(self, data=self.data.with_rows(rows.select(~out)), sound=sound(judgement))
         again = rest.without_bad_rows(rest.judged())
-        if again.verdict == "unknown" and judgement.verdict == "named":
+        if again.verdict == "unknown" and judgement.verdict in ("named", "ambiguous"):
             return self.without_bad_rows(judgement)
         slips = all(visit.score.wrong_angle is not None for visit in bad)
         if again.verdict == "unknown" and judgement.verdict == "unknown" and not slips:

@@ -8,10 +8,12 @@ import numpy as np
 
 from identification.common.arrays import rms
 from identification.common.quantities import cause_words
+from identification.diagnosis.discrimination import DOWN
 from identification.diagnosis.judgement import Cause, Judgement, Verdict
 from identification.fit.bad_visits import ALARM as VISIT_ALARM
 from identification.fit.mending import BadVisit
 from identification.fit.visit_findings import sentence
+from identification.model.gravity import FREE_FALL
 
 FORMAT = "compstiff-diagnosis"
 VERDICTS: tuple[str, ...] = get_args(Verdict)
@@ -105,7 +107,10 @@ def next_words(item: dict[str, Any]) -> tuple[str, str]:
     """A load of the next measurements: what to do, and what it tells."""
     angles = ", ".join(f"{angle:.1f}" for angle in item["q_deg"])
     forces = ", ".join(f"{force:.0f}" for force in item["forces_n"])
-    return (f"joints ({angles}) deg: load along base {item['axis']}, {forces} N",
+    load = f"load along base {item['axis']}, {forces} N"
+    if item["axis"] == DOWN:
+        load = f"hang {', '.join(f'{force / FREE_FALL:.3g}' for force in item['forces_n'])} kg"
+    return (f"joints ({angles}) deg: {load}",
             f"{' from '.join(map(cause_words, item['separates']))}, by {item['expected_sigmas']:.1f} sigma")
 
 

@@ -5,6 +5,7 @@ The rules are those of measured TCP deflections (docs/effects.md), joint by join
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,7 +112,7 @@ def _axis(
     told = axis_of(joint, records, BAND) if leaps else whole
     before, after = told.deflection - told.plain @ solve(told, told.plain).coefficients, _left(axis, named)
     explained = 1 - float(np.var(after) / np.var(before))
-    if causes and (explained >= NEARLY_ALL or not left.patterns):
+    if enough(causes, explained, left.patterns):
         # What happened at one moment predicts no other.
         gain = held_out(joint, BAND, named, found, records, validate)[0] if predicting else None
         return replace(answer, verdict="named", causes=causes, alternatives=alternatives, explained=explained, gain=gain)
@@ -128,6 +129,11 @@ def _axis(
     open_set = best.entries and not _remainder(axis, raw, best, measured).patterns
     return replace(answer, verdict="ambiguous" if open_set else "unknown", alternatives=(*causes, *alternatives),
                    explained=explained)
+
+
+def enough(causes: Sequence[object], explained: float, patterns: Sequence[object]) -> bool:
+    """Whether there are causes that leave no pattern, or explain nearly all of the misfit."""
+    return bool(causes) and (explained >= NEARLY_ALL or not patterns)
 
 
 def _damped(axis: Axis, hypotheses: Hypotheses) -> Hypothesis | None:

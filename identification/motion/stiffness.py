@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.findings import counted
 from identification.common.quantities import two_sigma
 from identification.model.robot import Prior
 from identification.motion.axis import Axis, Solved, axis_of, solve, straight_line
@@ -39,6 +40,8 @@ GEAR_LAWS = ("hysteresis", "soft_zone", "backlash")
 LEAST_SHARE = 0.02
 # c over its standard deviation: below the first no stiffness is stated, from the second on it is reliable.
 STATED, RELIABLE = 3.0, 6.0
+# Samples that must be left beside what is fitted: with fewer their scatter does not tell how sure it is.
+FEWEST_LEFT = 10
 # Records disagree from this distance on, in standard deviations of their difference.
 DISAGREE = 2.576
 
@@ -48,7 +51,8 @@ class AxisStiffness:
     """compliance c [rad/(N m)] with its standard deviations by the noise and by the law, NaN where refused; share: of the
     torque's variance that speed, its sign and acceleration do not explain; straight: c of a straight line through the torque;
     grade, reason: as in stiffness.json. records: (source, c, std) of each record alone. apart: the largest distance of two
-    records in standard deviations. beside: the transmission error that was taken out, in words."""
+    records in standard deviations. beside: the transmission error that was taken out, in words. left: samples under the band
+    beyond the coefficients that are fitted to them."""
 
     joint: int
     compliance: float
@@ -64,6 +68,7 @@ class AxisStiffness:
     records: tuple[tuple[str, float, float], ...] = ()
     beside: str = ""
     apart: float = 0.0
+    left: int = FEWEST_LEFT
 
     @property
     def std(self) -> float:
@@ -134,7 +139,7 @@ def _from(joint: int, records: list[MotionLog], transmission: Transmission) -> A
     smooth = transmission.smooth_over(records)
     central, delay, noise, values = 0.0, (0.0, 0.0), 0.0, []
     share = worth = np.nan
-    samples = 0
+    samples = left = 0
     others = crosstalk(without_proxies(axis_of(joint, records, BAND, smooth)))
     for band in BANDS:
         axis = axis_of(joint, records, band, smooth)
@@ -151,9 +156,9 @@ def _from(joint: int, records: list[MotionLog], transmission: Transmission) -> A
             delay = _averaged(by_law, axis.plain.shape[1])
             rigid = [k for k in range(base.shape[1]) if not axis.spring.shape[1] <= k < axis.plain.shape[1]]
             share, samples = _own_share(base[:, rigid], place), sum(len(log.time) for log in axis.logs)
-            worth = axis.noise.worth(len(axis.torque))
+            worth, left = axis.noise.worth(len(axis.torque)), max(0, by_law[0].count - base.shape[1])
     law = float(np.sqrt(np.mean((np.array(values) - central) ** 2)))
-    return _judged(AxisStiffness(joint, central, noise, law, share, np.nan, delay, "", "", samples, worth))
+    return _judged(AxisStiffness(joint, central, noise, law, share, np.nan, delay, "", "", samples, worth, left=left))
 
 
 def _always(axis: Axis) -> list[Shape]:
@@ -205,7 +210,10 @@ def _judged(estimate: AxisStiffness) -> AxisStiffness:
     elif ratio < STATED:
         grade, reason = "not identifiable", f"the log does not fix it: {spread}"
     else:
-        grade, reason = ("reliable" if ratio >= RELIABLE and estimate.apart <= DISAGREE else "tentative"), spread
+        few = estimate.left < FEWEST_LEFT
+        grade = "reliable" if ratio >= RELIABLE and estimate.apart <= DISAGREE and not few else "tentative"
+        left = f"; {counted(estimate.left, 'sample')} beyond the coefficients that are fitted, reliable from {FEWEST_LEFT} on"
+        reason = spread + left * few
     return replace(estimate, grade=grade, reason=reason)
 
 

@@ -17,6 +17,7 @@ from identification.common.shipped import shipped
 from identification.diagnosis.blocks import Thinning
 from identification.diagnosis.detect import Detection
 from identification.diagnosis.diagnose import Diagnosis, diagnose
+from identification.diagnosis.discrimination import NextLoad
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause
@@ -384,6 +385,23 @@ def test_a_load_is_told_as_what_to_do_and_what_it_tells() -> None:
                        "separates": ["backlash[2]", "creep"], "expected_sigmas": 3.14}) == (
         "joints (0.0, -10.0, 30.0, 0.0, 45.0, 0.0) deg: load along base z, -100, 0, 300 N",
         "backlash of joint 2 from creep, by 3.1 sigma")
+
+
+@pytest.mark.parametrize(("axis", "forces", "said", "listed"), [
+    (1, [0.0, 100.4, -299.6], ("load cycle along base y up to 300 N", "separates"), "load along base y, 0, 100, -300 N"),
+    (None, [0.0, 98.0665, 245.16625, 98.0665, 0.0], ("weights up to 25 kg", "separate"), "hang 0, 10, 25, 10, 0 kg")])
+def test_what_to_load_next_is_told_as_the_rig_can(
+        adequate: Diagnosis, axis: int | None, forces: list[float], said: tuple[str, str], listed: str) -> None:
+    """On the terminal, in the record and in the report: a rig that hangs weights has no base axis to load along."""
+    load = NextLoad(np.radians([0, -10.04, 30, 0, 45, 0]), axis, np.array(forces), 3.14, ("backlash[2]", "creep"))
+    names = Cause(effects()["backlash"], 2, 0.6), Cause(effects()["creep"], None, 0.4)
+    found = judged(adequate, verdict="ambiguous", next_loads=(load,), alternatives=names, showing=())
+    at = f"{said[0]} at joints (0.0, -10.0, 30.0, 0.0, 45.0, 0.0) deg {said[1]}"
+    assert f"next: {at} backlash of joint 2 from creep by 3.1 sigma" in found.lines()
+    (item,) = [each for each in found.as_dict()["next_measurements"] if each["kind"] == "load"]
+    assert (item["axis"], item["forces_n"]) == ("y" if axis else "down", forces)
+    assert next_words(item) == (f"joints (0.0, -10.0, 30.0, 0.0, 45.0, 0.0) deg: {listed}",
+                                "backlash of joint 2 from creep, by 3.1 sigma")
 
 
 POSITION = "position_mm: [120, 0, 250]"

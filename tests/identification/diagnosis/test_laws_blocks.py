@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from identification.diagnosis import blocks
 from identification.diagnosis.blocks import Thinning, in_blocks, residual_memory
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import posterior
@@ -85,10 +88,12 @@ def test_a_block_is_the_mean_of_neighbours_of_one_pass_and_purpose(
         np.testing.assert_allclose(getattr(averaged, name), means(getattr(rows, name)), rtol=1e-12, atol=1e-18)
     for name in ("time", "dwell"):
         np.testing.assert_allclose(getattr(averaged, name), means(getattr(rows, name)[:, None])[:, 0], rtol=1e-12)
-    # Of n rows that share their noise over tau the mean is as good as that of n / tau; none is worse than one reading.
+    # Of n readings that share their noise over tau the mean is as good as that of n / tau; none is worse than one reading.
     stated = means(np.where(np.isnan(rows.sigma), cell.noise.deflection, rows.sigma))
-    worth = np.maximum([len(block) / min(thinning.autocorrelation_time, length) for block in blocks], 1)
-    np.testing.assert_allclose(averaged.sigma, stated / np.sqrt(worth)[:, None], rtol=1e-12)
+    read = np.array([(~np.isnan(rows.deflection[block])).sum(axis=0) for block in blocks])
+    assert any(0 < few < len(block) for block, each in zip(blocks, read, strict=True) for few in each), "some are missing"
+    worth = np.maximum(read / min(thinning.autocorrelation_time, length), 1)
+    np.testing.assert_allclose(averaged.sigma, stated / np.sqrt(worth), rtol=1e-12)
 
 
 def memory_of(series: NDArray[np.float64], window: int) -> float:
@@ -116,6 +121,44 @@ def test_the_length_of_the_memory_is_the_longest_of_all_passes_and_axes(
         found += [memory_of(series, len(mine) // 4) for series in mine.T if not np.isnan(series).any()]
     assert len(found) == (6 if memory else 7)
     assert thinning.autocorrelation_time == pytest.approx(max(1.0, *found), rel=1e-9)
+
+
+@pytest.mark.parametrize(("counts", "fitted"), [
+    ((1000, 700, 90), 1790), ((799, 810), 1609), ((2999,), 2999), ((3000,), 1500), ((2000, 2600), 1534), ((31, 31), 62),
+    ((32,), 32)])
+def test_the_memory_is_that_of_what_a_mean_over_two_hundred_rows_leaves(
+        counts: tuple[int, ...], fitted: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Or over a quarter of a pass, of eight rows at least, that is shorter; the model is fitted to 1500 to 3000 rows, evenly
+    spread, and says what is left of all. What was not read is left out, of an axis that lacks too much of it all."""
+    rng, count = np.random.default_rng(sum(counts)), sum(counts)
+    visit = np.repeat(np.arange(len(counts)), counts)
+    noise = rng.standard_normal((count + 8, 3))
+    # Each axis remembers so many rows; slow waves, of 250 and 900 rows, are the model's.
+    left = np.stack([np.convolve(noise[:, k], np.ones(2 + k), mode="valid")[:count] for k in range(3)], axis=1)
+    left += np.outer(np.sin(np.arange(count) / 40), [1.0, 0.0, 1.0]) + np.outer(np.sin(np.arange(count) / 143), [3.0, 0.0, 5.0])
+    left[np.flatnonzero(visit == 0)[5:12], 1] = np.nan
+    seen = []
+
+    def fit(data: Any) -> Any:
+        seen.append(data)
+        return SimpleNamespace(residual_of=lambda whole: left)
+
+    class Rows(SimpleNamespace):
+        def __len__(self) -> int:
+            return count
+
+    monkeypatch.setattr(blocks, "posterior", fit)
+    rows = Rows(visit=visit, select=lambda kept: np.flatnonzero(kept).tolist())
+    data: Any = SimpleNamespace(rows=rows, with_rows=lambda kept: kept)
+    found, lengths = residual_memory(data), []
+    for number, size in enumerate(counts):
+        window = min(200, size // 4)
+        series = [axis[~np.isnan(axis)] for axis in left[visit == number].T]
+        lengths += [memory_of(each, window) for each in series if window >= 8 and len(each) >= 4 * window]
+    assert found.values == pytest.approx(max(1.0, *lengths, 1.0), rel=1e-9)
+    step = round(count / fitted)
+    assert seen == [list(range(0, count, step))]
+    assert len(seen[0]) == fitted
 
 
 @pytest.mark.parametrize(("count", "told"), [(31, False), (44, True)])

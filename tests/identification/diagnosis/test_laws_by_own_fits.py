@@ -111,6 +111,9 @@ def test_a_set_is_as_likely_as_its_fit_with_its_own_noise(held: Any) -> None:
     assert named.best is found.hypotheses[0]
     # No set becomes less likely: what is seen may be more than what one search of its fit comes to.
     assert held(found, ranking(((1,), 6.0)), {(1,): fit_of(-25.0)})[0].seen.hypotheses[1].log_evidence == 13.0
+    # Nor is one left out that had not been among the likeliest before.
+    more = held(ranking(((0,), 33.0)), ranking(((3,), 6.0)), {(3,): fit_of(-2.0)})[0].seen
+    assert {each.entries: each.log_evidence for each in more.hypotheses} == {(0,): 33.0, (3,): 31.0}
     unchanged = held(found, ranking(((1,), 6.0)), {})[0].seen
     assert [each.log_evidence for each in unchanged.hypotheses] == [33.0, 13.0, 3.0], "it does not converge"
 

@@ -14,10 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from identification.diagnosis import discrimination
 from identification.diagnosis.detect import goodness_of_fit
 from identification.diagnosis.diagnose import Diagnosis, diagnose
+from identification.diagnosis.discrimination import hung_cycle, next_loads, planned_rows, separation
 from identification.diagnosis.procedure import Procedure
 from identification.diagnosis.swing import _groups, _visit, _Visits, swing_of
+from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import Measurements, read_measurements
@@ -164,6 +167,48 @@ def test_one_gross_reading_is_no_swing() -> None:
     assert swing_of(fitted) is None
     rows.deflection[row] += 40.0 * across
     assert swing_of(posterior(LoadTest.of(cell, rows))) is None
+
+
+@pytest.mark.parametrize("fall", [[0.0, 0.0, -1.0], [0.6, 0.0, -0.8]])
+def test_what_separates_is_hung_where_weights_were(fall: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The weights of the rows by rising mass and back, straight down in the base as it stands, by as many sigmas as said; where
+    a single load was no weight, along the base's axes."""
+    monkeypatch.setattr(discrimination, "fall_in_base", lambda world: 9.80665 * np.array(fall))
+    cell, rows = read(simulate(2, "hung12", noise="none"))
+    mass = np.round(np.linalg.norm(rows.wrench[:, :3], axis=1) / 9.80665)
+    wrench = np.zeros_like(rows.wrench)
+    wrench[:, :3] = 9.80665 * np.outer(mass, fall)
+    data = LoadTest.of(cell, replace(rows, wrench=wrench, hung=mass > 0))
+    state, rivals = data.load_state(1 / cell.prior.stiffness), {}
+    for name in ("hook_offset", "tool_point"):
+        effect = effects()[name]
+        found = Term(effect, None, effect.typical(state, None), effect.typical(state, None), effect.neutral(state))
+        rivals[name] = posterior(data, (found,)), 0.5
+    chosen = next_loads(rivals, np.random.default_rng(0))
+    assert len({tuple(load.theta) for load in chosen}) == 3
+    for load in chosen:
+        assert load.axis is None
+        np.testing.assert_allclose(load.forces / 9.80665, [0, 20, 40, 20, 0], atol=0.01)
+        trial = planned_rows(load.theta[None], np.outer(load.forces, fall)[None], (10.0, 60.0))
+        assert separation(trial, rivals).best_pair(0) == (load.separates, pytest.approx(load.distance))
+    first = int(np.argmax(mass > 0))
+    pulled = data.with_rows(replace(data.rows, hung=(mass > 0) & (np.arange(len(rows)) != first)))
+    assert not len(hung_cycle(pulled.rows, np.array(fall)))
+    assert next_loads({name: (replace(model, data=pulled), p) for name, (model, p) in rivals.items()},
+                      np.random.default_rng(0))[0].axis in (0, 1, 2)
+
+
+@pytest.mark.parametrize(("masses", "cycle"), [
+    ([30, 10, 20, 10], [0, 10, 20, 30, 20, 10, 0]), ([5], [0, 5, 0]), ([-8, -4], [0, -4, -8, -4, 0]), ([], []),
+    ([1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], [0, 1, 3, 5, 7, 9, 11, 9, 7, 5, 3, 1, 0])])
+def test_weights_are_hung_on_and_taken_off_as_they_were_measured(masses: list[float], cycle: list[float]) -> None:
+    """By rising mass; six at most of many, the least and the largest among them; a weight that is taken off pulls up."""
+    wrench = np.zeros((len(masses) + 1, 6))
+    wrench[1:, 2] = -9.80665 * np.array(masses)
+    rows: Any = SimpleNamespace(wrench=wrench, hung=np.ones(len(wrench), dtype=bool))
+    np.testing.assert_allclose(hung_cycle(rows, np.array([0.0, 0.0, -1.0])) / 9.80665, cycle, atol=0.01)
+    rows.hung = None
+    assert not len(hung_cycle(rows, np.array([0.0, 0.0, -1.0])))
 
 
 @pytest.mark.parametrize(("kept", "tells"), [("three rows", 1), ("two rows", 0), ("no load", 0)])

@@ -85,6 +85,17 @@ def test_zeros_lie_aside_at_four_poses(count: int, seen: bool) -> None:
     assert (unsettled_zero_of(poses([9.0] * count)) is not None) is seen
 
 
+@pytest.mark.parametrize("lost", [(0, 1), (3, 4, 5), (2, 3, 4, 5)])
+def test_a_pose_without_zeros_or_without_loads_to_hold_them_against_says_nothing_of_zeros(lost: tuple[int, ...]) -> None:
+    """No reading of two that lost them, or one load or none is left of four: what the other five say stands."""
+    whole, spoiled = unsettled_zero_of(poses([9.0] * 5)), poses([9.0] * 6)
+    spoiled.residual[30 + np.array(lost)] = np.nan
+    found = unsettled_zero_of(spoiled)
+    assert whole is not None
+    assert found is not None
+    assert (found.size, found.p_value) == (pytest.approx(whole.size), pytest.approx(whole.p_value))
+
+
 @pytest.mark.parametrize(("squared", "seen"), [(0.9, True), (1.1, False)])
 def test_loads_cancel_that_are_off_by_less_than_they_scatter(squared: float, seen: bool) -> None:
     """Where the place at which their readings meet is known half as well as their mean."""
@@ -127,9 +138,12 @@ def test_a_swing_is_seen_at_four_poses_and_without_the_loudest(
 
 
 def test_force_errors_are_known_to_a_factor_of_two_beside_a_swing() -> None:
-    """ln 2: by one sigma either way half a unit of ln less likely, for what is the same along the load and across it."""
-    group: Any = SimpleNamespace(values=np.zeros((1, 1)), log_likelihood=lambda squared: np.zeros(1))
+    """ln 2: by one sigma either way half a unit of ln less likely, for what is the same along the load and across it. What the
+    visits say of a size counts all of it."""
+    group: Any = SimpleNamespace(values=np.zeros((2, 1)), log_likelihood=lambda squared: np.zeros(2))
+    telling: Any = SimpleNamespace(values=np.zeros((2, 1)), log_likelihood=lambda squared: np.array([3.0, -1.5]))
     sizes = swing._Sizes((group,), np.zeros(4))
+    assert swing._Sizes((group, telling), np.zeros(4)).cost(np.array([0.0, 0.7, 0.0, 0.0])) == pytest.approx(0.5 - 1.5)
     for off, cost in (([0.0, 0.7, 0.0, 0.0], 0.5), ([0.0, 0.0, -1.4, 0.0], 2.0), ([9.0, 0.0, 0.0, 9.0], 0.0)):
         assert sizes.cost(np.array(off)) == pytest.approx(cost)
 
@@ -348,6 +362,18 @@ class Told:
     expected_std: Array = field(default_factory=lambda: np.full((4, 3), 2e-6))
 
 
+@pytest.mark.parametrize(("changed", "small"), [
+    ({}, True), ({"robot_difference": 2.05e-7}, False), ({"verdict": "named"}, False), ({"carried": None}, False),
+    ({"unsettled": True}, False), ({"mistakes": ("a mistake",)}, False), ({"robot_difference": None}, False)])
+def test_a_choice_is_small_that_changes_a_correction_by_under_two_per_cent_of_what_was_measured(
+        changed: dict[str, Any], small: bool) -> None:
+    """Of 10 um, root mean square of all components, a reading that was not taken counted as nothing."""
+    deflection = np.array([[2e-5, 0.0, np.nan], [0.0, 1e-5, -1e-5]])
+    judgement = SimpleNamespace(**{"verdict": "ambiguous", "carried": "a model", "unsettled": False, "mistakes": (),
+                                   "robot_difference": 1.95e-7, "rows": SimpleNamespace(deflection=deflection)} | changed)
+    assert vars(Judgement)["choice_is_small"].fget(judgement) is small
+
+
 @dataclass(frozen=True)
 class One:
     """A cause."""
@@ -473,11 +499,26 @@ def test_five_of_the_nearest_causes_go_with_an_unknown_one(monkeypatch: pytest.M
 def test_causes_explain_something_by_e_and_mistakes_are_clear_by_e_3_more_or_e_103_before_all_is_tried(
         monkeypatch: pytest.MonkeyPatch, support: float, mistake: float, enough: bool, verdict: str) -> None:
     """Causes of ln posterior 0, which explain the rows or do not; a mistake of another one."""
+    assert of_causes(monkeypatch, 0.01, 0.5 if enough else 1e-4, support, mistake, enough) == verdict
+
+
+@pytest.mark.parametrize(("before", "after", "verdict"), [
+    (0.001, 0.004, "unknown"), (0.001, 0.006, "names"), (0.04, 0.035, "unknown"), (0.04, 0.045, "names"),
+    (0.2, 0.1, "names"), (0.2, 0.004, "unknown")])
+def test_causes_are_enough_that_leave_what_one_in_two_hundred_shows_and_less_of_an_alarm_than_before(
+        monkeypatch: pytest.MonkeyPatch, before: float, after: float, verdict: str) -> None:
+    """By the p-values of the misfit; where there was no alarm, at 0.05, less of one is not asked for."""
+    assert of_causes(monkeypatch, before, after) == verdict
+
+
+def of_causes(monkeypatch: pytest.MonkeyPatch, before: float, after: float, support: float = 9.0, mistake: float = -99.0,
+              enough: bool = True) -> str:
+    """The verdict where causes of this ln evidence take the misfit's p-value from one to another; enough: to the search."""
     seen = SimpleNamespace(dictionary=SimpleNamespace(entries=range(9)))
     fitted: Any = SimpleNamespace(components=VarianceComponents(), with_usual_noise=None)
     found: Any = SimpleNamespace(
         named=SimpleNamespace(seen=seen, lost=()), best=SimpleNamespace(log_evidence=support), fitted=fitted, scatter={},
-        adequacy=SimpleNamespace(p_value=0.5 if enough else 1e-4), enough=enough)
+        adequacy=SimpleNamespace(p_value=after), enough=enough)
     candidate: Any = SimpleNamespace(candidate=SimpleNamespace(log_posterior=mistake))
     mistakes = Mistakes(None, (candidate,), None)
     # What looking further comes to is less than the mistake is likelier by, unless that is e^100 and more.
@@ -491,8 +532,8 @@ def test_causes_explain_something_by_e_and_mistakes_are_clear_by_e_3_more_or_e_1
     monkeypatch.setattr(Procedure, "unknown", lambda self, judgement, *of: replace(judgement, verdict="unknown"))
     monkeypatch.setattr(Procedure, "with_names", lambda self, judgement, *of: replace(judgement, verdict="names"))
     nothing: Any = None
-    judgement: Any = Told(plain=fitted, detection=SimpleNamespace(p_value=0.01))
-    assert Procedure(nothing, {}, 0.05, 10, 0).named(judgement).verdict == verdict
+    judgement: Any = Told(plain=fitted, detection=SimpleNamespace(p_value=before))
+    return Procedure(nothing, {}, 0.05, 10, 0).named(judgement).verdict
 
 
 @pytest.mark.parametrize("positive", [False, True])

@@ -92,6 +92,25 @@ def test_bad_rows_are_those_of_visits_that_are_not_crowded(monkeypatch: pytest.M
     np.testing.assert_allclose(bad.off, 15e-6)
 
 
+def test_a_row_may_be_bad_that_was_read_among_two_others_where_nothing_is_loose(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of one component too; a row without a reading is none, one of a pose of two rows is a matter of the pose, and where a
+    named gear is in its play it may stand anywhere."""
+    visit = np.array([0, 0, 0, 1, 1, 2, 2, 2, 2])
+    count = np.array([3, 1, 0, 3, 3, 3, 3, 3, 3])
+    monkeypatch.setattr(gross, "distances", lambda *of: (np.arange(9.0), count))
+
+    def term(rows: list[int]) -> Any:
+        return SimpleNamespace(joint=2, effect=SimpleNamespace(
+            loose=lambda state, joint, values: np.isin(np.arange(9), rows) & (joint == 2) & (values == "values")))
+
+    fitted: Any = SimpleNamespace(
+        at_map=SimpleNamespace(noise=SimpleNamespace(visit=visit), residual=None), components=None, weights=None,
+        terms=(term([6]), term([8])), term_values=("values", "values"), load_state=None)
+    distance, components, kept = gross._distances(fitted)
+    assert (distance.tolist(), components.tolist()) == (list(range(9)), count.tolist())
+    assert np.flatnonzero(kept).tolist() == [0, 1, 5, 7]
+
+
 def crowded(distance: np.ndarray) -> dict[int, float]:
     return gross.crowded(VISIT, distance, np.full(ROWS, 3), np.ones(ROWS, dtype=bool))
 

@@ -4,6 +4,8 @@ parameters from its own posterior."""
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,6 +54,19 @@ def test_it_is_that_of_drawing_a_candidate_by_its_probability(carried: Posterior
     np.testing.assert_allclose(covariance / np.outer(sigma, sigma), expected / np.outer(sigma, sigma), atol=0.04)
     assert np.abs((interval - np.quantile(x, [0.025, 0.975], axis=0).T) / sigma[:, None]).max() < 0.1
     assert np.linalg.eigvalsh(covariance).min() > 0
+
+
+def test_of_a_model_its_springs_and_its_effects_of_the_robot_are_the_robot_s() -> None:
+    """Each effect has as many parameters as its start; those of the measurement lie between them."""
+    terms = tuple(SimpleNamespace(effect=SimpleNamespace(of_robot=of_robot), start=np.zeros(size))
+                  for of_robot, size in ((False, 2), (True, 1), (False, 3), (True, 2)))
+    model: Any = SimpleNamespace(terms=terms, likeliest=100.0 + np.arange(14), mean=np.arange(14.0))
+    part = RobotPart.of(model)
+    assert part.kept.tolist() == [0, 1, 2, 3, 4, 5, 8, 12, 13]
+    assert part.terms == (terms[1], terms[3])
+    assert part.centre.tolist() == [100.0 + place for place in part.kept]
+    bare: Any = SimpleNamespace(terms=terms[:1], likeliest=100.0 + np.arange(8), mean=np.arange(8.0))
+    assert RobotPart.of(bare).centre.tolist() == list(range(6))
 
 
 def test_without_rivals_it_is_its_own(carried: Posterior) -> None:

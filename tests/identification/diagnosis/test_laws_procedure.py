@@ -62,6 +62,75 @@ def test_what_is_looked_for_without_an_alarm_is_said_where_it_is_likely_or_neede
     assert Procedure(data, {}, 0.05, 10, 0).judged().verdict == verdict
 
 
+ALL, OTHERS = "all poses", "the other poses"
+
+
+@pytest.mark.parametrize(("first", "again", "angle", "of", "verdict"), [
+    ("named", "unknown", None, ALL, "named"), ("ambiguous", "unknown", None, ALL, "ambiguous"),
+    ("unknown", "unknown", None, ALL, "unknown"), ("unknown", "unknown", 1.0, OTHERS, "unknown"),
+    ("named", "adequate", None, OTHERS, "named"), ("named", "named", None, OTHERS, "named"),
+    ("named", "ambiguous", None, OTHERS, "ambiguous"), ("ambiguous", "named", None, OTHERS, "named"),
+    ("ambiguous", "adequate", None, OTHERS, "named"), ("unknown", "ambiguous", None, OTHERS, "ambiguous"),
+    ("ambiguous", "mistake", None, OTHERS, "mistake")])
+def test_an_answer_of_all_poses_stands_where_the_others_alone_have_none(
+        monkeypatch: pytest.MonkeyPatch, first: str, again: str, angle: float | None, of: str, verdict: str) -> None:
+    """A pose is left out where the others are explained then. Where they have no name but all of them do, or a few names to
+    choose from, that is the better answer; where neither has, the pose is told for what is seen, unless its angle is wrong."""
+    bad = (SimpleNamespace(score=SimpleNamespace(name="P7", wrong_angle=angle), mends=()),)
+    monkeypatch.setattr(procedure, "with_mends", lambda *of: bad)
+    monkeypatch.setattr(procedure, "replace", lambda thing, **changed: SimpleNamespace(**{**vars(thing), **changed}))
+    rows = SimpleNamespace(row=np.arange(1, 10), select=lambda kept: kept)
+    itself: Any = SimpleNamespace(data=SimpleNamespace(rows=rows, with_rows=lambda kept: kept.tolist()), sound=False)
+    itself.judged = lambda: SimpleNamespace(verdict=again, of=OTHERS, patterns=())
+    itself.without_bad_rows = lambda judgement: judgement
+    judgement: Any = SimpleNamespace(verdict=first, of=ALL, patterns=("seen",), rows=None, mistakes=(), bad_visits=())
+    test: Any = SimpleNamespace(rest=0, bad=[SimpleNamespace(rows=np.array([2, 5]))])
+    found: Any = Procedure.without_bad_visits(itself, judgement, test)
+    assert (found.of, found.verdict) == (of, verdict)
+    assert found.bad_visits == (bad if of == OTHERS else ())
+    least = "P7 fit least of all poses the springs of the others, which are not explained either"
+    assert found.patterns == (() if of == OTHERS else (least, "seen") if first == "unknown" else ("seen",))
+
+
+@pytest.mark.parametrize(("first", "answers", "seen", "verdict", "allowed"), [
+    ("unknown", {"swing": "adequate"}, "swing", "named", "swing"), ("unknown", {"swing": "named"}, "swing", "named", "swing"),
+    ("named", {"swing": "ambiguous"}, "swing", "ambiguous", "swing"), ("unknown", {"swing": "unknown"}, "swing", "unknown", ""),
+    ("unknown", {"swing": "mistake"}, "swing", "unknown", ""), ("mistake", {}, "swing zero", "mistake", ""),
+    ("adequate", {"swing": "adequate"}, "swing zero", "named", "swing zero"), ("adequate", {}, "zero", "adequate", ""),
+    ("ambiguous", {"zero": "named"}, "zero", "named", "zero"), ("unknown", {"swing": "unknown"}, "swing zero", "named", "zero"),
+    ("unknown", {"swing": "ambiguous", "zero": "unknown"}, "swing zero", "ambiguous", "swing")])
+def test_scatter_is_in_the_noise_where_the_rows_are_explained_with_it(
+        monkeypatch: pytest.MonkeyPatch, first: str, answers: dict[str, str], seen: str, verdict: str, allowed: str) -> None:
+    """Of weights that swing, then of zeros that lie aside, each beside what was taken for one before, and looked for in what
+    the fit that was tried leaves; springs that are enough beside it are a name. Beside a mistake nothing is looked for, and
+    zeros lie aside where springs do not explain the rows alone."""
+    def of(name: str) -> Any:
+        def found(left: str) -> Any:
+            looked.append((name, left))
+            return SimpleNamespace(name=name, allowed_for=lambda data, plain: (*data, name)) if name in seen.split() else None
+        return found
+
+    looked: list[tuple[str, str]] = []
+    monkeypatch.setattr(procedure, "swing_of", of("swing"))
+    monkeypatch.setattr(procedure, "unsettled_zero_of", of("zero"))
+
+    def replaced(thing: Any, **changed: Any) -> Any:
+        changed = SimpleNamespace(**{**vars(thing), **changed})
+        last = answers.get(changed.data[-1], "adequate") if getattr(changed, "data", ()) else ""
+        changed.of_good_rows = lambda: SimpleNamespace(
+            verdict=last, tried=None, extended=f"after {changed.data[-1]}", plain="plain", scatters=())
+        return changed
+
+    monkeypatch.setattr(procedure, "replace", replaced)
+    itself: Any = SimpleNamespace(data=())
+    judgement: Any = SimpleNamespace(verdict=first, tried="tried", extended="extended", plain="plain", scatters=())
+    judged: Any = Procedure.allowing_for_scatter(itself, judgement)
+    assert judged.verdict == verdict
+    assert " ".join(scatter.name for scatter in judged.scatters) == allowed
+    assert looked == [(name, "after swing" if name == "zero" and "swing" in allowed else "tried") for name in ("swing", "zero")
+                      if first != "mistake" and not (name == "zero" and first == "adequate" and "swing" not in allowed)]
+
+
 @pytest.mark.parametrize(("drawn", "rank"), [([0.0, 1.0, 2.0, 4.0], 2), ([5.0, 3.0, 9.0, 4.0], 5), ([0.0] * 4, 1)])
 def test_rare_is_what_few_replicates_reach(monkeypatch: pytest.MonkeyPatch, drawn: list[float], rank: int) -> None:
     """The data, a surprise of 3, stand among five alike; rarer than the first of five nothing can be told to be."""

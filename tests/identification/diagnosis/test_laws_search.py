@@ -89,6 +89,39 @@ def test_without_a_weight_the_best_signature_of_the_same_law_is_taken(monkeypatc
     assert Survey(base, dictionary, base, ()).unweighed(Hypothesis((0, 1), (1, 5), 5.0)) is None
 
 
+@pytest.mark.parametrize(("levels", "count"), [(1, 6), (2, 6 + 14), (3, 6 + 14 + 12)])
+def test_sets_grow_from_the_four_likeliest(monkeypatch: pytest.MonkeyPatch, levels: int, count: int) -> None:
+    """Of six causes of ln 6 to 1, which add up: every pair but that of the last two, and of the triples those that have one of
+    the four best pairs. The cause that has least by itself is the last that was taken."""
+    alone, looked_at = [2.0, 6.0, 1.0, 5.0, 4.0, 3.0], []
+
+    class Scan:
+        def __init__(self, *of: Any) -> None:
+            pass
+
+        def grown(self, hypothesis: Hypothesis) -> list[Hypothesis]:
+            looked_at.append(hypothesis.entries)
+            return [Hypothesis((*hypothesis.entries, k), (*hypothesis.signatures, 10 + k), hypothesis.log_evidence + value)
+                    for k, value in enumerate(alone) if k not in hypothesis.entries]
+
+    monkeypatch.setattr(search, "_Scan", Scan)
+    monkeypatch.setattr(search, "_weighed", lambda hypotheses, entries: tuple(hypotheses))
+    dictionary: Any = SimpleNamespace(entries=range(6))
+    nothing: Any = None
+    found = {each.key: each for each in search.searched(nothing, dictionary, nothing, nothing, levels).hypotheses}
+    pairs = [{a, b} for a in range(6) for b in range(a) if {a, b} != {0, 2}]
+    best = [{1, 3}, {1, 4}, {1, 5}, {3, 4}]
+    triples = [{a, b, c} for a in range(6) for b in range(a) for c in range(b) if any(pair <= {a, b, c} for pair in best)]
+    expected = [*({k} for k in range(6)), *(pairs if levels > 1 else []), *(triples if levels > 2 else [])]
+    assert len(expected) == count
+    assert set(found) == {frozenset(each) for each in expected}
+    for key, each in found.items():
+        assert each.log_evidence == pytest.approx(sum(alone[k] for k in key))
+        assert each.signatures == tuple(10 + k for k in each.entries)
+        assert alone[each.entries[-1]] == min(alone[k] for k in key)
+    assert len(looked_at) == len(set(looked_at)), "each is looked at once"
+
+
 def test_what_is_explained_is_counted_by_reading_and_spring(monkeypatch: pytest.MonkeyPatch) -> None:
     """30 readings, of which six springs take six: 72 is three a reading; of the two above one, 48 and 24 leave half and all."""
     noise = SimpleNamespace(whitening=np.broadcast_to(np.eye(3), (10, 3, 3)), weights=lambda components: SimpleNamespace(

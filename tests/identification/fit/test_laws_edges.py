@@ -375,8 +375,8 @@ def test_what_three_axes_have_in_common_is_as_open_as_they_are_unlike(data: Load
     """No deflection shows it: of one axis of three that is off by g the mean is g / 3, and what is told of x and y 0.45 to 0.75
     g; 0.6 of that, 1 sigma."""
     effect, state = effects()["force_axis_gain"], data.load_state(1 / TRUE)
-    for start in ([0.02, -0.01], [-0.01, -0.01]):
-        term = Term(effect, None, np.array(start), np.full(2, 0.015), np.zeros(2))
+    for start, neutral in (([0.02, -0.01], 0.0), ([-0.01, -0.01], 0.0), ([0.02, -0.01], 0.5)):
+        term = Term(effect, None, np.array(start) + neutral, np.full(2, 0.015), np.full(2, neutral))
         free = [one for one in discrepancies(state, (term,)) if one.effect.name == "force_gain"]
         assert [one.joint for one in free] == [None]
         width = with_terms(data.prior, free).term_std
@@ -424,7 +424,8 @@ def guessed(key: str, score: float, size: Any = None) -> Guess:
     # e^4 likelier than none (ln likelihood 7), but e^8 less with a size.
     ([11.2], [-0.8], 2), ([10.8], [-1.2], 0),
     # No more than e^30 behind the best; five at most, of those with a size any number.
-    ([90.0, 60.2], [], 2), ([90.0, 59.8], [], 1), ([90.0] * 6, [9.0] * 7, 12)])
+    ([90.0, 60.2], [], 2), ([90.0, 59.8], [], 1), ([90.0] * 6, [9.0] * 7, 12),
+    ([61.0, 90.0, 70.0, 85.0, 66.0, 75.0], [], 5)])
 def test_a_mistake_is_worth_a_fit_that_a_quick_look_finds_so_likely(
         monkeypatch: pytest.MonkeyPatch, scores: list[float], sizes: list[float], kept: int) -> None:
     found = [guessed(f"column {k}", score) for k, score in enumerate(scores)]
@@ -437,6 +438,8 @@ def test_a_mistake_is_worth_a_fit_that_a_quick_look_finds_so_likely(
     told = look.Look.guesses(itself)
     assert len(told) == kept
     assert sum(one.size is not None for one in told) == sum(score > -1 for score in sizes)
+    of_columns = [one.score for one in told if one.size is None]
+    assert of_columns == sorted(scores, reverse=True)[: len(of_columns)]
 
 
 @pytest.mark.parametrize(("second", "clear"), [(5.8, True), (6.2, False)])
@@ -459,6 +462,44 @@ def test_of_mistakes_with_a_size_the_three_likeliest_are_fitted_from_e_3_under_n
     noise = SimpleNamespace(active=(False,) * 6, weights=lambda *of: None)
     plain: Any = SimpleNamespace(at_map=SimpleNamespace(noise=noise, row_weight=None), beside=None)
     assert [guess.mistake.key for guess in search._hopeful(plain, sized)] == fitted
+
+
+@pytest.mark.parametrize(("first", "second", "again"), [
+    ([0.9, -0.9], None, False), ([2.5, -0.5], [0.3, 0.1], True), ([0.2, -1.1], [-0.1, 0.0], True)])
+def test_a_large_size_is_fitted_again_from_the_mended_rows(
+        monkeypatch: pytest.MonkeyPatch, first: list[float], second: list[float] | None, again: bool) -> None:
+    """One beyond its scale of 1. Its prior is about none all the same: a normal one of 5, of which the second fit has counted
+    what is left alone."""
+    calls: list[tuple[Any, list[float]]] = []
+    fits = iter([first, second])
+
+    def fit(data: Any, terms: Any, near: Any) -> Any:
+        calls.append((data, terms[0].tolist()))
+        found = next(fits)
+        assert found is not None
+        values = np.concatenate([np.full(6, 99.0), found])
+        return SimpleNamespace(map=values, likeliest=values + 0.01, prior=SimpleNamespace(term_std=np.full(2, 5.0)), data=data)
+
+    class Start(np.ndarray[Any, Any]):
+        scale = np.ones(2)
+
+    size = SimpleNamespace(
+        term=lambda joint, start: np.array(start).view(Start),
+        mistake=lambda data, joint, values, std: SimpleNamespace(mended=lambda data: ("mended", values.tolist())))
+    monkeypatch.setattr(search, "posterior", fit)
+    monkeypatch.setattr(search, "log_evidence", lambda model: 40.0)
+    monkeypatch.setattr(search, "left_out", lambda model, of: of)
+    monkeypatch.setattr(search, "poses", lambda rows: "poses of the table")
+    plain: Any = SimpleNamespace(data=SimpleNamespace(rows=None))
+    guess = replace(guessed("size", 0.0, size), log_prior=-3.0, joint=2, start=np.array([0.4, 0.4]))
+    found = search._with_size(plain, guess)
+    assert calls == [(plain.data, [0.4, 0.4]), (("mended", first), [0.0, 0.0])][: 1 + again]
+    moved, off = (np.array(first), np.array(second)) if again else (np.zeros(2), np.array(first))
+    counted = -0.5 * np.sum((off / 5) ** 2)
+    assert found.log_posterior - 40.0 + counted == pytest.approx(-3.0 - 0.5 * np.sum(((moved + off) / 5) ** 2))
+    assert found.found is not None
+    assert found.found.values == pytest.approx(moved + off + 0.01)
+    assert (found.found.joint, found.rows, found.left) == (2, None, "poses of the table")
 
 
 class Long:

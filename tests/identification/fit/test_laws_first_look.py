@@ -190,6 +190,34 @@ def test_a_row_is_odd_where_half_of_it_is_left(arm: tuple[LoadTest, Array], time
     assert off(*arm, [7], times) == [7] * told
 
 
+@pytest.mark.parametrize("seed", [0, 1, 3])
+@pytest.mark.parametrize(("large", "small"), [(8, 0), (0, 8), (5, 3)])
+def test_eight_rows_of_twenty_are_odd_that_are_ten_times_too_large_or_too_small(
+        arm: tuple[LoadTest, Array], seed: int, large: int, small: int) -> None:
+    """By either of two sizes that keep one kind of them down: what was read, and what the prior's springs make of the load."""
+    data, each = arm
+    rows = np.random.default_rng(seed).choice(ROWS, large + small, replace=False)
+    deflection = each.sum(axis=2)
+    deflection[rows[:large]] *= 10.0
+    deflection[rows[large:]] /= 10.0
+    assert np.flatnonzero(odd_rows(read(data, deflection))).tolist() == sorted(rows.tolist())
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_rows_under_next_to_no_load_do_not_decide_which_are_odd(arm: tuple[LoadTest, Array], seed: int) -> None:
+    """Eight of twenty that move the tool by 0.6 um and scatter by as much again; four of the others ten times too large or too
+    small."""
+    data, each = arm
+    rng = np.random.default_rng(seed)
+    size = np.where(np.arange(ROWS) < 8, 0.03, 1.0)[:, None]
+    deflection = each.sum(axis=2) * size
+    deflection[:8] += rng.normal(0, 8e-7, (8, 3))
+    rows = rng.choice(np.arange(8, ROWS), 4, replace=False)
+    deflection[rows] *= rng.choice([10.0, 0.1], 4)[:, None]
+    found = odd_rows(data.with_rows(replace(data.rows, wrench=size * data.rows.wrench, deflection=deflection)))
+    assert np.flatnonzero(found).tolist() == sorted(rows.tolist())
+
+
 @pytest.mark.parametrize(("size", "noise_um", "told"), [
     (0.115, 0.0, False), (0.135, 0.0, True), (0.46, 4.0, False), (0.54, 4.0, True)])
 def test_small_readings_are_held_against_half_of_the_middle_one_and_ten_sigmas(

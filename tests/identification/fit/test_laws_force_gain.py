@@ -80,6 +80,20 @@ def test_what_is_delivered_is_wider_along_that_and_no_other_way(fitted: Posterio
     assert np.all(np.diff(interval)[:6] > np.diff(fitted.draws.interval(0.95))[:6])
 
 
+def test_the_scale_is_drawn_once_either_way(fitted: Posterior) -> None:
+    """Along what a larger scale does and no other way, by normal draws, each with its opposite: no mean moves."""
+    moved, draws = by_force_gain(fitted), fitted.draws
+    shift = (delivered(fitted).x - draws.x)[:, :6]
+    drawn = shift @ moved[:6] / (moved[:6] @ moved[:6])
+    assert_allclose(shift, np.outer(drawn, moved[:6]), atol=1e-9)
+    half = len(drawn) // 2
+    assert_allclose(drawn[:half], -drawn[half: 2 * half], atol=1e-9)
+    assert_allclose(drawn[2 * half:], 0, atol=1e-12)
+    assert np.mean(drawn**2) == pytest.approx(1, abs=5 * np.sqrt(2 / half))
+    assert np.mean(drawn[:half] ** 4) == pytest.approx(3, abs=5 * np.sqrt(96 / half))
+    assert abs(drawn[:half].mean()) < 5 / np.sqrt(half)
+
+
 def test_what_the_same_load_cell_loads_is_predicted_without_it(data: LoadTest, fitted: Posterior) -> None:
     """Nor is a fit another one for it: no row tells the scale."""
     exact = replace(data.cell, noise=replace(data.cell.noise, force_gain=0.0))

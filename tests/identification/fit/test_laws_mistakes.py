@@ -23,7 +23,7 @@ from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.mistakes.first_look import first_look
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.judge import Mistakes, common_factor_findings, mistakes_in
-from identification.fit.mistakes.look import Guess, Look, _two_robots, of_alike
+from identification.fit.mistakes.look import Guess, Look, _two_robots, log_lost, of_alike
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.odd_rows import where
 from identification.fit.mistakes.readings import reading_mistakes
@@ -391,6 +391,30 @@ def test_a_moment_has_no_force_whose_sign_could_be_lost(data: LoadTest, monkeypa
     monkeypatch.setattr(readings, "_with_signs", lambda data: {"wrench": signed})
     keys = {mistake.key for mistake in reading_mistakes(data.with_rows(replace(data.rows, wrench=wrench)))}
     assert "forces_unsigned" in keys
+
+
+def test_readings_that_a_mended_table_leaves_out_are_as_likely_as_draws_from_all() -> None:
+    """Each a normal one of its axis' root mean square, e^-1/2 on average; one that stands in another column than before is not
+    lost, nor what was none before."""
+    nan = np.nan
+    before = 1e-6 * np.array([[3.0, 4.0, nan], [-3.0, nan, 8.0], [3.0, -4.0, 8.0], [nan, 4.0, -8.0]])
+
+    def lost(after: list[list[float]], per_unit: Any = 1.0) -> float:
+        data, mended = (SimpleNamespace(rows=SimpleNamespace(deflection=values)) for values in (before, 1e-6 * np.array(after)))
+        table: Any = data
+        other: Any = mended
+        return log_lost(table, other, per_unit)
+
+    same = (1e6 * before).tolist()
+    assert lost(same) == 0.0
+    assert lost([[nan, 3.0, 4.0], [8.0, -3.0, nan], *same[2:]]) == 0.0
+    assert lost([same[0], [-3.0, 1.0, 8.0], *same[2:]]) == 0.0
+    x, y, z = (-np.log(1e-6 * size) - 0.5 for size in (3.0, 4.0, 8.0))
+    assert lost([[nan, nan, nan], *same[1:]]) == pytest.approx(x + y)
+    assert lost([*same[:2], [3.0, -4.0, nan], [nan, nan, -8.0]]) == pytest.approx(z + y)
+    # One lost, one in its place: that row has as many as it had.
+    assert lost([[3.0, nan, 2.0], *same[1:3], [nan, nan, nan]]) == pytest.approx(y + z)
+    assert lost([[nan, 4.0, nan], *same[1:]], np.array([1e3, 1.0, 1.0])) == pytest.approx(x - np.log(1e3))
 
 
 def test_a_size_costs_what_its_readings_tell_it(data: LoadTest) -> None:

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from identification.fit.fit import fit_stiffness
 from identification.fit.fitted_model import response
 from identification.fit.linear_start import check_sign
 from identification.fit.load_test import LoadTest
-from identification.fit.marginal import _log_posterior
+from identification.fit.marginal import Draws, _log_posterior, _with_unseen
 from identification.fit.priors import PriorModel
 from identification.fit.sag import sag_columns
 from identification.measurements import Measurements, read_measurements
@@ -352,3 +353,23 @@ def test_a_few_rows_and_many_rows_are_quick(tmp_path) -> None:
     fit = fit_stiffness(cell, rows)
     assert time.process_time() - start < 4
     assert np.all(np.abs(fit.model.mean + np.log(TRUE)) < 4 * fit.model.log_std)
+
+
+@pytest.mark.parametrize("unseen", [[], [4], [1, 5]])
+def test_a_joint_that_no_reading_tells_has_its_prior_exactly(unseen: list[int]) -> None:
+    """From a thousandth of what the prior itself tells on it is the data's. What they say of the others stays as it is, apart
+    from what such a joint is."""
+    rng, log_std = np.random.default_rng(8), np.array([0.5, 0.5, 1.0, 2.0, 0.5, 2.0])
+    prior: Any = SimpleNamespace(prior=SimpleNamespace(log_std=log_std, stiffness=np.exp(np.arange(10.0, 16.0))))
+    root = rng.standard_normal((8, 8))
+    draws = Draws(rng.standard_normal((500, 8)) @ root + 3.0, rng.dirichlet(np.ones(500)), 300.0)
+    information = np.where(np.isin(np.arange(6), unseen), 0.9e-3, 1.1e-3) / log_std**2
+    found = _with_unseen(draws, information, prior)
+    seen = np.setdiff1d(np.arange(8), unseen)
+    np.testing.assert_array_equal(found.x[:, seen], draws.x[:, seen])
+    assert (found.effective, found.weight is draws.weight) == (300.0, True)
+    covariance = found.covariance
+    np.testing.assert_allclose(covariance[np.ix_(seen, seen)], draws.covariance[np.ix_(seen, seen)])
+    np.testing.assert_allclose(covariance[np.ix_(unseen, unseen)], np.diag(log_std[unseen] ** 2), atol=1e-9)
+    np.testing.assert_allclose(covariance[np.ix_(unseen, seen)], 0.0, atol=1e-9)
+    np.testing.assert_allclose(found.mean[unseen], -np.arange(10.0, 16.0)[unseen], atol=1e-9)

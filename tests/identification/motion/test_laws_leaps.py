@@ -6,11 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from identification.model.cell import read_cell
 from identification.model.effects.lost_samples import LostSamples
 from identification.model.joint_log import JointLog
+from identification.motion import leaps
 from identification.motion.autoregression import Autoregression
+from identification.motion.axis import axis_of
 from identification.motion.band import BAND, low_pass, passed_step, thinned
 from identification.motion.fit import fit_joint_logs
 from identification.motion.leaps import find_leaps, step_gains, without
@@ -92,9 +95,9 @@ def test_a_leap_near_an_end_is_told_as_it_is_or_not_at_all(
     values = {name: column[::25] for name, column in columns(seed, {}).items()}
     time = values["time_s"]
     for place in (*silent, *told):
-        leaps = find_leaps(2, [log_of(tmp_path / "log.csv", slipped(values, 1e-3, time[place] - 0.05))])
-        assert [leap.at for leap in leaps] == ([] if place in silent else [pytest.approx(time[place])])
-        assert [leap.size for leap in leaps] == ([] if place in silent else [pytest.approx(1e-3, rel=0.05)])
+        found = find_leaps(2, [log_of(tmp_path / "log.csv", slipped(values, 1e-3, time[place] - 0.05))])
+        assert [leap.at for leap in found] == ([] if place in silent else [pytest.approx(time[place])])
+        assert [leap.size for leap in found] == ([] if place in silent else [pytest.approx(1e-3, rel=0.05)])
 
 
 @pytest.mark.parametrize("samples", [1, 7])
@@ -209,6 +212,45 @@ def test_a_step_is_told_by_what_of_it_nothing_else_explains(share: float, told: 
     gains = step_gains(noise, known[:, None], left, column)
     assert gains[first] == pytest.approx(fitted if told else 0.0, rel=1e-6)
     assert np.all(gains[-3:] == 0.0), "of a column that is nothing there"
+
+
+@pytest.mark.parametrize("place", [40, 150, 155, 280])
+def test_a_step_under_the_band_has_the_size_of_least_squares(tmp_path: Path, place: int) -> None:
+    """Beside all that motion brings: of a zero that leaps, and of a channel that comes late from then on, which is the speed
+    from then on; the step is one at full rate, low-passed as the log is. Nothing steps behind the end."""
+    log = log_of(tmp_path / "log.csv", slipped(columns(404, MOTION), 1e-4, 11.9))
+    axis, one = axis_of(2, [log], BAND), log.joints[2]
+    moment = float(axis.time[place])
+    steps = leaps._steps(axis, log, np.array([moment, log.time[-1] + 9.0]))
+    assert steps is not None
+    known = axis.whiten(axis.widest / np.linalg.norm(axis.widest, axis=0))
+    target = axis.whiten(axis.deflection[:, None])[:, 0]
+    alone = target - known @ np.linalg.lstsq(known, target, rcond=1e-10)[0]
+    assert steps.scatter == pytest.approx(np.sqrt(alone @ alone / (len(target) - known.shape[1])), rel=1e-6)
+    step = low_pass((one.time > moment - 0.5 / RATE)[:, None].astype(float), RATE)
+    for kind, column in enumerate((step, step * low_pass(one.speed[:, None], RATE))):
+        white = axis.whiten(column)[:, 0]
+        design = np.column_stack([known, white])
+        own = white - known @ np.linalg.lstsq(known, white, rcond=1e-10)[0]
+        size = np.linalg.lstsq(design, target, rcond=1e-12)[0][-1]
+        assert steps.along[2 * kind] / steps.norm[2 * kind] == pytest.approx(size, rel=1e-6)
+        assert steps.norm[2 * kind] == pytest.approx(np.linalg.norm(own), rel=1e-6)
+    assert steps.along[[1, 3]].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("largest", [0.0, 1.5, 2.0, 2.5, 3.0, 90.0])
+def test_a_step_is_as_rare_as_noise_has_the_largest_of_all(largest: float) -> None:
+    """Of eight directions in forty, two of which the model holds: 199 draws of noise in a scatter of 2.0, the record itself is
+    the two-hundredth."""
+    unit = np.eye(40)[:, :8]
+    free = 40 - 2
+    steps = leaps._Steps(unit, np.ones(8), np.zeros(8), np.eye(40)[:, [6, 7]], 2.0)
+    found = steps.by_chance(2.0 * largest, np.random.default_rng(1))
+    # The square of one direction's share of all is beta-distributed.
+    beyond = float(stats.beta.sf(min(largest**2 / free, 1.0), 0.5, (free - 1) / 2))
+    expected = 1 - (1 - beyond) ** 6
+    assert round(200 * found) == pytest.approx(200 * found, abs=1e-9)
+    assert found == pytest.approx((199 * expected + 1) / 200, abs=4 * np.sqrt(expected * (1 - expected) / 199) + 1e-9)
 
 
 @pytest.mark.parametrize("rate", [1000.0, 250.0, 40.0])

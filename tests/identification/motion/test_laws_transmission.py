@@ -77,6 +77,20 @@ def test_a_ring_off_its_axis_is_a_smooth_part(tmp_path: Path) -> None:
     assert one.gain.after < 4e-5
 
 
+def test_a_smooth_part_is_tested_on_records_with_zeros_of_their_own(tmp_path: Path) -> None:
+    """By 0.03 degrees from one to the next: it predicts as well as where they have one in common, by a ratio within its
+    interval."""
+    fitted, *others = (record(tmp_path, seed, {}, ring=2e-4, noise=1e-5) for seed in (310, 311, 312))
+    moved = record(tmp_path, 312, {}, ring=2e-4, noise=1e-5, zero_deg=0.03, name="moved")
+    one, other = (_tested(2, [fitted], [others[0], second], SIZES, (1.0,)) for second in (others[1], moved))
+    assert one is not None
+    assert other is not None
+    assert [other.before, other.after, other.line, *other.interval] == pytest.approx(
+        [one.before, one.after, one.line, *one.interval], rel=1e-6)
+    assert one.interval[0] < one.before / one.after < one.interval[1]
+    assert one.after < 0.7 * one.before
+
+
 def test_a_small_ring_is_no_less_likely_for_being_small(tmp_path: Path) -> None:
     """20 urad, under noise of 1 urad, by the waves of the whole turn alone: the sizes that are tried reach down to it."""
     fitted, other = (record(tmp_path, seed, {}, ring=2e-5, noise=1e-6) for seed in (310, 311))
