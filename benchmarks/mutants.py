@@ -13,7 +13,7 @@ cheapest first, until they would take --budget seconds of the processor; for a s
 those that reach a line which names what it sets, and those of tables; with --tests all of these files. A test that fails
 notices it; on the tree as it is it must pass, which is tried once in a call. What takes five times as long as the map says has
 hung. What was judged stands in a file of JSON lines, and is not judged again: the same call goes on. Printed: by room.
-Survivors whose change nobody can see are in equivalent_mutants.py, each with its reason.
+Survivors whose change nobody can see are in equivalent_mutants.tsv, each with its reason.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from benchmarks.equivalent_mutants import EQUIVALENT
 from benchmarks.forked import Forked
 from benchmarks.reached import Map
 
 ROOT = Path(__file__).parents[1]
+EQUIVALENT = Path(__file__).with_name("equivalent_mutants.tsv")
 PACKAGES = ("identification", "compensator", "compstiff")
 PAIRS = (("+", "-"), ("*", "/"), ("<", "<="), (">", ">="), ("==", "!="), ("and", "or"), ("min", "max"), ("all", "any"),
          ("True", "False"), ("continue", "break"), ("minimum", "maximum"), ("argmin", "argmax"), ("floor", "ceil"),
@@ -346,7 +346,7 @@ def main() -> int:
 
 def told(known: dict[str, dict[str, Any]]) -> int:
     """By room; exit 1 where one survived that is not argued to be equivalent."""
-    equivalent = {f"{file} {text} {change}" for file, text, change, _ in EQUIVALENT}
+    equivalent = {" ".join(line.split("\t")[:3]) for line in EQUIVALENT.read_text(encoding="utf-8").splitlines()}
     rooms: dict[str, collections.Counter[str]] = collections.defaultdict(collections.Counter)
     for entry in known.values():
         place, change = entry["key"].split(" ", 1)
