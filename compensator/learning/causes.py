@@ -18,7 +18,7 @@ from compensator.correction.predict import Predicted
 from compensator.correction.settings import Estimate
 from compensator.learning.fitted_part import Believed, FittedPart
 from compensator.learning.held_out import HeldOut
-from compensator.learning.rows import Rows, slope_along
+from compensator.learning.rows import Rows, slope_along, steep_at
 from compensator.learning.sizes import Sizes, noise_covariance, with_remainder
 from compensator.learning.terms import Terms
 from identification.common.arrays import Array
@@ -226,7 +226,7 @@ def _blurred(terms: Terms, predicted: Predicted, moved: list[Array]) -> Terms:
     """The place of the force is as uncertain for the effects, each with its displacement (M, 3) [m] of the targets, as for the
     springs."""
     rows = terms.rows
-    steep = [abs(rows.of_targets) @ slope_along(predicted, each).ravel() for each in moved]
+    steep = [steep_at(rows.of_targets, slope_along(predicted, each)) for each in moved]
     return replace(terms, rows=replace(rows, steep=np.sqrt(rows.steep**2 + np.sum(np.square(steep), axis=0))))
 
 

@@ -32,10 +32,10 @@ GAP = 10e-3
 class Rows:
     """n numbers at P places. value, sigma (n,) [m]: measured, less the offsets that the pass had; direction (n, 3), base frame,
     means of unit vectors; place (n,). position (P, 3) [m] and posture (P, 6) [rad] as planned, length (P,) [m] along the path,
-    time (P,) [s]. steep (n,) [m/m]: how fast the predicted deviation changes along the path there. of_targets (n, 3 M) sparse:
-    means of a displacement (M, 3) of the targets with force, along the directions. along_normals: these are the surface's.
-    resting (P, 3) [m]: the places in the resting frame, to_base (P, 3, 3) its directions in the base frame; None where that is
-    the base."""
+    time (P,) [s]. steep (n,) [m/m]: how fast the predicted deviation changes along the path there, whatever the direction.
+    of_targets (n, 3 M) sparse: means of a displacement (M, 3) of the targets with force, along the directions. along_normals:
+    these are the surface's. resting (P, 3) [m]: the places in the resting frame, to_base (P, 3, 3) its directions in the base
+    frame; None where that is the base."""
 
     value: Array
     sigma: Array
@@ -130,7 +130,7 @@ def rows_of(
     sigma = np.sqrt(np.bincount(row, points.sigma[used] ** 2, minlength=number)) * weight
     return Rows(np.asarray(mean @ value), sigma, np.asarray(mean @ direction), keys[:, 0].astype(np.intp),
                 position, posture, middle(placed.length)[:, 0], middle(placed.time)[:, 0],
-                np.asarray(abs(mean @ of_targets) @ slope_along(predicted, predicted.prediction.position).ravel()),
+                steep_at(mean @ of_targets, slope_along(predicted, predicted.prediction.position)),
                 sparse.csr_array(mean @ of_targets),
                 tuple(findings), points.along_normals, *_resting(path, middle, before, after, way))
 
@@ -149,16 +149,18 @@ def _resting(
 
 
 def slope_along(predicted: Predicted, moved: Array) -> Array:
-    """How fast each component of a displacement (M, 3) [m] of the targets with force changes along the path (M, 3) [m/m], the
-    steeper side of each target."""
+    """How fast a displacement (M, 3) [m] of the targets with force changes along the path (M,) [m/m], on the steeper side of
+    each target."""
     length = predicted.path.length[predicted.targets]
-    steps = np.maximum(np.diff(length), 1e-4)[:, None]
-    slope = np.abs(np.diff(moved, axis=0)) / steps
-    steep = np.zeros((len(length), 3))
-    if len(length) > 1:
-        steep[:-1] = slope
-        steep[1:] = np.maximum(steep[1:], slope)
-    return steep
+    slope = np.linalg.norm(np.diff(moved, axis=0), axis=1) / np.maximum(np.diff(length), 1e-4)
+    return np.asarray(np.maximum(np.append(slope, 0.0), np.insert(slope, 0, 0.0)))
+
+
+def steep_at(of_targets: sparse.csr_array, slope: Array) -> Array:
+    """What rows (n, 3 M) see of a slope (M,), whatever its direction (n,): one that is known along some directions alone would
+    hang on the axes that a part is measured along."""
+    size = sparse.csr_array(of_targets.power(2) @ np.kron(np.eye(len(slope)), np.ones((3, 1)))).sqrt()
+    return np.asarray(size @ slope)
 
 
 def _groups(length: Array, most: int) -> Indices:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy import sparse, special, stats
+from scipy.spatial.transform import Rotation
 
 from compensator.correction.settings import Estimate
 from compensator.learned.learned import CHUNK, DRIFT, SETUP, JobFrame, Learned, Rest
@@ -27,7 +28,7 @@ from compensator.learning.pages import _along, _verdict
 from compensator.learning.path_places import _nearest
 from compensator.learning.posterior import posterior
 from compensator.learning.refusals import _missing
-from compensator.learning.rows import Rows, slope_along
+from compensator.learning.rows import Rows, slope_along, steep_at
 from compensator.learning.shifted import said_of_shift
 from compensator.learning.sizes import (
     SHARED_LENGTH,
@@ -657,12 +658,26 @@ def test_where_nothing_is_predicted_no_point_is_shifted() -> None:
 
 
 def test_the_deviation_is_as_steep_as_the_steeper_side() -> None:
-    """Per metre of path, by component; targets nearer than 0.1 mm count as that far apart."""
+    """Per metre of path; targets nearer than 0.1 mm count as that far apart."""
     job = SimpleNamespace(path=SimpleNamespace(length=np.array([0.0, 9.0, 9.01, 9.03, 9.03001])), targets=np.arange(1, 5))
     moved = 1e-6 * np.array([[10, 0, 5], [40, 0, -15], [20, 8, -15], [20, 8, -14]])
     steep = slope_along(job, moved)
-    assert steep == pytest.approx(1e-6 * np.array([[3000, 0, 2000], [3000, 400, 2000], [1000, 400, 1e4], [0, 0, 1e4]]))
+    first = np.hypot(3000, 2000)
+    assert steep == pytest.approx(1e-6 * np.array([first, first, 1e4, 1e4]))
     assert not slope_along(SimpleNamespace(path=job.path, targets=np.array([2])), moved[:1]).any()
+
+
+def test_how_steep_a_place_is_does_not_hang_on_the_axes_it_is_measured_along() -> None:
+    """Between two targets straight from the slope of one to that of the other."""
+    share, slope = np.array([0.25, 1.0]), np.array([2e-3, 6e-3, 1e-3])
+    turned = Rotation.from_rotvec([0.3, -1.1, 0.6]).as_matrix()
+    for axes in (np.eye(3), turned):
+        weights = np.zeros((2, 3, 3, 3))
+        for place in range(2):
+            weights[place, :, place] = (1 - share[place]) * axes
+            weights[place, :, place + 1] = share[place] * axes
+        seen = steep_at(sparse.csr_array(weights.reshape(6, 9)), slope)
+        assert seen == pytest.approx(np.repeat([0.75 * 2e-3 + 0.25 * 6e-3, 1e-3], 3))
 
 
 def test_a_point_between_two_walls_is_as_near_to_either() -> None:

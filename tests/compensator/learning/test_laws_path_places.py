@@ -344,12 +344,12 @@ def test_rows_are_the_means_of_neighbours_along_alike_directions(
     if most == 25:
         assert number + 1 > 25      # a gap within one
     moved = predicted.prediction.position
-    steep = np.zeros_like(moved)
+    steep = np.zeros(len(moved))
     for a in range(len(targets)):
         for b in (a - 1, a + 1):
             if 0 <= b < len(targets):
                 way = max(abs(path.length[targets[b]] - path.length[targets[a]]), 1e-4)
-                steep[a] = np.maximum(steep[a], np.abs(moved[b] - moved[a]) / way)
+                steep[a] = max(steep[a], float(np.linalg.norm(moved[b] - moved[a])) / way)
     members: dict[tuple[int, int], list[int]] = {}
     for k, point in enumerate(placed.rows):
         main = int(np.argmax(np.abs(normal[point])))
@@ -371,7 +371,7 @@ def test_rows_are_the_means_of_neighbours_along_alike_directions(
             variance += (1e-6 * table[point, 7]) ** 2
         count = len(members[key])
         seen /= count
-        steeper = float(np.sum(np.abs(seen) * steep))
+        steeper = float(np.linalg.norm(seen, axis=1) @ steep)
         value = value / count - (float(np.sum(seen * off[targets])) if shifted else 0.0)
         assert rows.value[row] == pytest.approx(value, abs=1e-12)
         assert rows.sigma[row] == pytest.approx(np.sqrt(variance) / count, rel=1e-9)
