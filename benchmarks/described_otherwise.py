@@ -44,10 +44,9 @@ SAME_UM, SAME_LEFT, SAME_SHARE, MORE_TARGETS = 1.0, 3.0, 0.02, 0.2
 SAME_SPRINGS, TURNED_SPRINGS = 0.02, 0.5
 # Figures of learn and verify, share and at least, in their units.
 SAME_FIGURE, SAME_LITTLE = 0.01, 0.05
-# Descriptions in which the part is measured along other axes, and figures that are along them, or that hang on them a little:
-# how wrong the place of the force may be goes into each number by itself.
+# Descriptions in which the part is measured along other axes, and figures that are along them, or counted in draws along them.
 OTHER_AXES = ("work_object", "normals_turned_over")
-OF_AXES = "axes|axis|constant|mean_um|setup|springs|motion|stiffness|remainder|noise|causes"
+OF_AXES = "axes|axis|constant|mean_um|setup|causes|by_chance"
 # What `learn` takes of the options of `correct`.
 LEARNS = ("--tare", "--spindle-rpm")
 
