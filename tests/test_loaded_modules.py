@@ -41,7 +41,7 @@ def test_what_a_module_makes_of_a_number_is_made_again_wherever_it_is(
 ) -> None:
     user, third, *_ = (importlib.import_module(f"lent.{name}") for name in ("user", "third", *further))
     loaded = Loaded.of("lent")
-    file = lent / "limits.py"
+    file = (lent / "limits").with_suffix(".py")
     file.write_text(file.read_text().replace(*change))
     assert loaded.given(str(file))
     assert (user.told(), third.MOST) == told
@@ -51,6 +51,6 @@ def test_what_a_module_makes_of_a_number_is_made_again_wherever_it_is(
 def test_a_default_and_a_function_s_own_code_are_left_to_others(lent: Path, change: tuple[str, str]) -> None:
     importlib.import_module("lent.apart")
     loaded = Loaded.of("lent")
-    file = lent / "limits.py"
+    file = (lent / "limits").with_suffix(".py")
     file.write_text(file.read_text().replace(*change))
     assert not loaded.given(str(file))

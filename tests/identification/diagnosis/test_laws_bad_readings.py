@@ -120,7 +120,7 @@ def test_without_bad_rows_and_beside_a_mistake_nothing_is_left_out(monkeypatch: 
      "P7, P8 fit least of all poses the springs of the others, which are not explained either"),
     ("unknown", "unknown", True, "unknown", "rest", ""), ("unknown", "ambiguous", False, "ambiguous", "rest", ""),
     ("named", "named", False, "named", "rest", ""), ("adequate", "adequate", False, "named", "rest", ""),
-    ("ambiguous", "unknown", False, "unknown", "rest", "")])
+    ("ambiguous", "unknown", False, "ambiguous", "all", "")])
 def test_bad_poses_are_left_out_unless_the_others_have_no_name_either(
         monkeypatch: pytest.MonkeyPatch, before: str, again: str, slips: bool, verdict: str, taken: str, pattern: str) -> None:
     """Poses at which an angle was written wrongly always."""
