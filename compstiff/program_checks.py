@@ -30,7 +30,7 @@ def program_check(file: Path, cell: Cell, settings: Settings) -> tuple[str, tupl
     try:
         program = read_toolpath(file, cell, settings.posting)
     except Refused as refused:
-        if all(finding.code != "CS4303" for finding in refused.findings):
+        if refused.findings[0].code != "CS4303":
             raise
         order = in_another_order(file, cell, settings.posting)
         hint = f"{order}: {W_FIRST}; " if order else ""
