@@ -46,6 +46,17 @@ def test_every_bounded_number_is_in_the_table() -> None:
     assert {name for name, _ in bounded()} == set(LIMITS)
 
 
+@pytest.mark.parametrize(("text", "taken"), [("", False), ("7", True), (60 * "7", True), (61 * "7", False)])
+def test_a_serial_number_is_short_and_not_empty(text: str, taken: bool) -> None:
+    info = importlib.import_module("identification.model.cell_file").CellFile.model_fields["serial_number"]
+    adapter: TypeAdapter[Any] = TypeAdapter(Annotated[info.annotation, "", *info.metadata])
+    if taken:
+        assert adapter.validate_python(text) == text
+    else:
+        with pytest.raises(ValidationError):
+            adapter.validate_python(text)
+
+
 @pytest.mark.parametrize(("name", "info"), [pytest.param(*each, id=each[0]) for each in bounded()])
 def test_a_bounded_number_takes_its_numbers_and_no_others(name: str, info: FieldInfo) -> None:
     low, high, *default = LIMITS[name]

@@ -157,7 +157,7 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
     used = UsedFrames(
         tuple(_tool(toolpath.tools[i], cell) for i in np.unique(toolpath.tool[tools])),
         tuple(objects[i] for i in np.unique(toolpath.workobject[parts])))
-    reached = np.asarray(~np.isnan(theta).any(axis=1))
+    reached = np.asarray(~np.isnan(theta[:, 0]))
     read_only(theta, base_from_tcp.rotation, base_from_tcp.position, known, reached)
     return RobotPath(toolpath, cell, theta, base_from_tcp, flange_from_tcp, base_from_object, axes,
                      rest_from_tcp, known, reached, used, tuple(findings))

@@ -311,6 +311,18 @@ def test_more_points_than_the_work_is_done_with_are_averaged(tracks: TwoTracks, 
     assert sorted(1e6 * rows.sigma)[0] == pytest.approx(4 if count == 140 else 4 / np.sqrt(2))
 
 
+def test_points_without_a_place_are_in_no_row(tracks: TwoTracks, tmp_path: Path) -> None:
+    """One stands 9 mm beside both tracks."""
+    x, y = np.linspace(5, 55, 12), np.zeros(12)
+    y[0] = -9.0
+    table = np.column_stack([x, y, np.full(12, DEPTH), np.arange(12) + 500.0, np.full(12, 4.0)])
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,dx_um,std_um", table), read_cell(tracks.inputs.cell))
+    placed = place_points(points, tracks.predicted, 0.0, 1e-3)
+    assert sorted(placed.rows.tolist()) == list(range(1, 12))
+    rows = rows_of(points, placed, tracks.predicted)
+    assert 1e6 * np.sort(rows.value) == pytest.approx(501.0 + np.arange(11))
+
+
 @pytest.mark.parametrize("most", [1000, 25])
 @pytest.mark.parametrize("shifted", [False, True])
 def test_rows_are_the_means_of_neighbours_along_alike_directions(

@@ -205,7 +205,8 @@ def test_a_displacement_goes_along_with_the_calls(routines: dict[str, str], disp
 @pytest.mark.parametrize(("routines", "soft"), [
     ({"main": "m; SoftAct 1,50; m; SoftDeact; m;"}, [False, True, False]),
     ({"rCut": "m;", "main": "m; SoftAct \\MechUnit:=ROB_1,2,30\\Ramp:=100; rCut; SoftDeact;"}, [True, False]),
-    ({"main": "m; FCAct t; m; FCDeact;"}, [False, True]),
+    ({"main": "m; FCAct t; m; FCDeact; m;"}, [False, True, False]),
+    ({"main": "m; CSSAct CSS_X; m; CSSDeactMoveL p0,v5,tool0; m;"}, [False, True, False]),
 ])
 def test_what_is_driven_with_a_soft_servo_stays_as_it_is(routines: dict[str, str], soft: list[bool]) -> None:
     number, text = 0, ""

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
 from identification.model.robot import Prior
-from identification.motion import stiffness
+from identification.motion import pages, stiffness
 from identification.motion.axis import Axis, Solved, answered
 from identification.motion.diagnosis import JointLogDiagnosis
 from identification.motion.prediction import Gain
@@ -207,3 +207,17 @@ def test_what_is_certain_at_one_joint_is_so_over_all(verdicts: tuple[str, ...], 
     axes: Any = tuple(SimpleNamespace(verdict=verdict) for verdict in verdicts)
     cell: Any = None
     assert JointLogDiagnosis(cell, (), axes, 0.002).verdict == over_all
+
+
+def test_the_report_shows_deflections_against_torques_as_measured_and_beside_the_spring() -> None:
+    """In microradians, all records one after the other; what is left stands on the spring's line."""
+    torque, deflection = np.array([10.0, -30.0, 50.0]), np.array([2e-6, -6e-6, 13e-6])
+    left = np.column_stack([[9e-6, 9e-6, 9e-6], [1e-6, -2e-6, 3e-6]])
+    diagnosis: Any = SimpleNamespace(joint=2, deflection=deflection, residuals=left, stiffness=SimpleNamespace(compliance=2e-7),
+                                     axis=SimpleNamespace(logs=[SimpleNamespace(torque=torque[:1]), SimpleNamespace(
+                                         torque=torque[1:])]))
+    (panel,) = pages._torque(diagnosis).panels
+    (measured, beside) = panel.series
+    assert (measured.x.tolist(), beside.x.tolist()) == (torque.tolist(), torque.tolist())
+    assert measured.y == pytest.approx([-1, -9, 10])
+    assert beside.y == pytest.approx([0.2 * (10 - 10) + 1, 0.2 * (-30 - 10) - 2, 0.2 * (50 - 10) + 3])
