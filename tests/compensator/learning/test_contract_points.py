@@ -58,6 +58,8 @@ def test_along_the_normal(folder: Path, name: str) -> None:
     ("x_mm,y_mm,z_mm,dx_um,nx,ny,nz,dn_um\n1,2,3,4,0,0,1,4\n", "CS5300", 1, "dn_um and dx_um"),
     ("x_mm,y_mm,z_mm,dx_um\n1,2,3,\n", "CS5300", None, "no row"),
     ("x_mm,y_mm,z_mm,nx,ny,nz,dn_um\n1,2,3,0,0,1,4\n1,2,3,0,0,2,4\n", "CS0203", 3, "length 2"),
+    ("x_mm,y_mm,z_mm,nx,ny,nz,dn_um\n1,2,3,0,0,1.009,4\n1,2,3,0,0,-1.011,4\n", "CS0203", 3, "length 1.011, expected 1"),
+    ("x_mm,y_mm,z_mm,nx,ny,nz,dn_um\n1,2,3,0,0.991,0,4\n1,2,3,0,0,0.989,4\n", "CS0203", 3, "length 0.989"),
     ("x_mm,y_mm,z_mm,nx,ny,nz,dn_um\n1,2,3,1e300,0,1e300,4\n", "CS0203", 2, ""),
     ("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,4,0\n", "CS0203", 2, "larger than 0"),
     ("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,4,3\n1,2,3,4,0\n1,2,3,4,-1\n", "CS0203", 3, "std_um is 0"),

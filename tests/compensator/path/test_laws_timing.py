@@ -6,6 +6,8 @@ import dataclasses
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ from compensator.path.feasibility import check_feed, judge
 from compensator.path.legs import Poses, build_legs
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.path.route import build_route
-from compensator.path.timing import drive, joint_move_time
+from compensator.path.timing import _braking, drive, joint_move_time
 from compensator.rapid import read_rapid
 from identification.common.findings import Refused
 from identification.model.cell import read_cell
@@ -281,3 +283,10 @@ def test_on_the_command_line(sample_inputs: Inputs, tmp_path: Path) -> None:
     assert told["corrected"]["lowest_feed_ratio_with_force"] < 0.9
     assert told["corrected"]["time_s"] > told["corrected"]["programmed_time_s"]
     assert "The feed the joints can hold" in (tmp_path / "report.html").read_text()
+
+
+def test_the_way_to_stop_is_that_of_the_joint_that_brakes_the_least() -> None:
+    """v^2 / 2 a, with the acceleration along the path that each joint allows: 0.5 / 0.1, 3 / 2 and 8 / 4 m/s^2."""
+    route: Any = SimpleNamespace(dtheta_ds=np.array([[9.0, 9, 9], [0.1, -2.0, 4.0], [0.5, 0.0, 0.0]]))
+    robot: Any = SimpleNamespace(acceleration=np.array([0.5, 3.0, 8.0]))
+    assert _braking(route, robot, np.array([1, 2]), np.array([0.36, 4.0])) == pytest.approx([0.36 / (2 * 1.5), 4.0 / (2 * 1.0)])

@@ -2,6 +2,7 @@
 
 import contextvars
 import gc
+import hashlib
 import io
 import json
 import os
@@ -548,3 +549,11 @@ def test_what_is_no_finite_number_is_in_no_range(option: str, value: str, said: 
         body = decorate(body)
     code, _, stderr = run(body, option, value, *(["1"] if option == "--corner" else []))
     assert (code, len(taken), said in stderr) == (2 if said else 0, 0 if said else 1, True), stderr
+
+
+def test_a_document_names_the_inputs_that_are_there_by_what_is_in_them(tmp_path: Path) -> None:
+    """One that has gone since is left out."""
+    (tmp_path / "a.csv").write_bytes(b"target\n")
+    session = Session("verify", inputs=[tmp_path / "a.csv", tmp_path / "gone.csv"])
+    assert document(session, Outcome(), "ok", 0)["inputs"] == [
+        {"file": str(tmp_path / "a.csv"), "sha256": hashlib.sha256(b"target\n").hexdigest()}]

@@ -342,6 +342,7 @@ def test_lvm_units_are_what_the_file_states(tmp_path: Path) -> None:
     ("lbf", "lbf*in", 0.45359237 * 9.80665, 0.45359237 * 9.80665 * 0.0254), ("N", "N mm", 1, 1e-3),
     ("N", "Ncm", 1, 1e-2), ("N", "N-cm", 1, 1e-2),
     ("kgf", "kgf*m", 9.80665, 9.80665), ("kgf", "kgf-cm", 9.80665, 0.0980665), ("kgf", "kgf mm", 9.80665, 0.00980665),
+    ("Newton", "Newtonmeter", 1, 1), ("newton", "Newton-meters", 1, 1), ("newtons", "mNm", 1, 1e-3),
     ("kgf*m", "kgf*m", 0, 9.80665), ("kgf", "kgf", 9.80665, 0), ("kg", "kgf*m", 0, 1),
     ("N", "N", 1, 0), ("Nm", "Nm", 0, 1), ("V", "Nm", 0, 1)])
 def test_lvm_numbers_are_taken_times_their_unit(
