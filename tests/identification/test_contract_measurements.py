@@ -87,6 +87,11 @@ def test_components_that_were_not_measured(tmp_path) -> None:
     assert [finding.code for finding in rows.findings] == ["CS1007"]
 
 
+def test_a_row_without_a_load_may_have_no_reading(tmp_path) -> None:
+    rows = read(tmp_path, HEADER, ROW, "10,5,20,30,60,40,0,0,0,,,", "10,5,20,30,60,40,0,0,0,0,0,0")
+    assert np.isnan(rows.deflection).all(axis=1).tolist() == [False, True, False]
+
+
 @pytest.mark.parametrize(("lines", "code", "line", "column", "words"), [
     (["# c", HEADER.replace("fz_n", "f_n"), ROW], "CS0202", 2, None, "missing: fz_n"),
     ([HEADER + ",fx_n", ROW + ",1"], "CS0202", 1, None, "twice: fx_n"),

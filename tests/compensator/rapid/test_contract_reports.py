@@ -163,11 +163,12 @@ def test_quaternions_that_are_off_are_told_by_the_largest() -> None:
     assert toolpath.block.tolist() == ["", "", why.format(0.21), "", why.format(0.75), why.format(0.44)]
 
 
-def test_what_moves_a_target_at_run_time_is_told_for_each_and_the_first_reason_holds_it() -> None:
+@pytest.mark.parametrize("offset", ["EOffsSet eA", "EOffsOn \\ExeP:=pB, pA"])
+def test_what_moves_a_target_at_run_time_is_told_for_each_and_the_first_reason_holds_it(offset: str) -> None:
     axes = target().replace("[9E9,", "[5,", 1)
     along = NAMED.format(target(2)).replace("tool0", "tool0\\Corr")
     toolpath = read(f"{NAMED.format(target(1))}PDispOn pA,tool0; {along}"
-                    f"SoftAct 1,20; {NAMED.format('pB')}PDispOff; EOffsSet eA; {NAMED.format(axes)}SoftDeact; "
+                    f"SoftAct 1,20; {NAMED.format('pB')}PDispOff; {offset}; {NAMED.format(axes)}SoftDeact; "
                     f"{NAMED.format(axes)}{NAMED.format(target(3))}")
     left = "the target is left as it is: "
     corr, disp, soft, axis = (
