@@ -60,6 +60,8 @@ PYTEST = (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", 
 TABLES = ("tests/identification/model/test_contract_registry.py::", "tests/test_file_limits.py::",
           "tests/compstiff/cli/test_contract_limits.py::",
           "tests/compensator/modbus/test_contract_wire.py::test_the_documented_map_is_the_map")
+# A test costs so much besides what it does itself [s].
+EACH_TEST = 0.003
 # Where a change is of no behaviour: words for people, types, what is imported for the type checker alone.
 NO_CODE = re.compile(r"^\s*(@|from |import |def |class |if TYPE_CHECKING|raise error|hint=|f?\"|\w+: [A-Z][\w\[\], .|]*$)")
 
@@ -170,16 +172,13 @@ def judges(mutant: Mutant, known: Map, budget: float) -> list[str]:
     tests = list(dict.fromkeys([*tables, *tests]))
     parts = Path(mutant.file).with_suffix("").parts
     own = tuple(f"tests/{'/'.join(parts[:size])}/" for size in (3, 2))
-    chosen, spent, warm = [], 0.0, set()
+    chosen, spent = [], 0.0
     for test in sorted(tests, key=lambda test: (test not in tables, not test.startswith(own[1]),
                                              not test.startswith(own[0]))):
-        # A second test of a file costs no further start.
-        file = test.split("::")[0]
-        cost = known.seconds[test] + 0.02 + 0.2 * (file not in warm)
+        cost = known.seconds[test] + EACH_TEST
         if spent + cost <= budget or not chosen:
             chosen.append(test)
             spent += cost
-            warm.add(file)
     return chosen
 
 
