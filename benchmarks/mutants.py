@@ -157,14 +157,26 @@ def statement(text: str, line: int) -> tuple[int, int, bool]:
     return first, last, inside
 
 
+def names_of(text: str, line: int) -> list[str]:
+    """What an assignment outside functions sets, and what others of its module make of it."""
+    head = re.match(r"\s*(\w+)\b", text.split("\n")[line - 1])
+    names = {head[1]} if head else set()
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign):
+            used = {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
+            if node.lineno <= line <= (node.end_lineno or 0) or names & used:
+                names |= {each.id for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+                          for each in ast.walk(target) if isinstance(each, ast.Name)}
+    return sorted(names)
+
+
 def judges(mutant: Mutant, known: Map, budget: float) -> list[str]:
     """The tests that reach it: of its own room, then of others, the cheapest first, for `budget` seconds together."""
     text = (ROOT / mutant.file).read_text(encoding="utf-8")
     first, last, inside = statement(text, mutant.line)
     tests = known.reaching((mutant.file, line) for line in range(first, last + 1)) if inside else []
     if not tests and not inside:
-        head = re.match(r"\s*(\w+)\b", text.split("\n")[first - 1])
-        name = re.compile(rf"\b{head[1]}\b") if head else re.compile("$^")
+        name = re.compile(rf"\b(?:{'|'.join(map(re.escape, names_of(text, first)))})\b")
         tests = known.reaching((file, k) for file in known.reach if (ROOT / file).is_file()
                                for k, line in enumerate((ROOT / file).read_text(encoding="utf-8").split("\n"), 1)
                                if name.search(line))
