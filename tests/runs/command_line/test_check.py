@@ -307,6 +307,11 @@ def test_how_many_targets_and_how_long_a_way_a_program_has(tmp_path: Path) -> No
     (found,) = [one["found"] for one in run.json["result"]["files"] if one["file"].endswith(".apt")]
     assert found == f"7 targets, 7 reached, {1e-3 * (60 + 3 * 240 + 2 * np.hypot(240, 40)):.3g} m"
     assert run.json["exit_code"] == 0
+    first = APT.split("GOTO")[:3]
+    (tmp_path / "down.apt").write_text("GOTO".join(first).rstrip() + "\nFINI\n")
+    (short,) = [one["found"] for one in check(tmp_path, tmp_path / "down.apt").json["result"]["files"]
+                if one["file"].endswith("down.apt")]
+    assert short == "2 targets, 2 reached, 0.06 m"
 
 
 @pytest.mark.parametrize(("home", "told"), [("MoveAbsJ [[0,-20,30,0,60,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;", False),
