@@ -99,13 +99,14 @@ def test_a_shard_is_one_of_so_many(typed: str, part: tuple[int, int] | None) -> 
 @pytest.mark.parametrize("width", [30, 60])
 def test_sentences_go_on_below_on_a_terminal_and_what_is_copied_does_not(monkeypatch: pytest.MonkeyPatch, width: int) -> None:
     """Between words alone, further lines two blanks further in; a table, a call with options and what is piped stay whole."""
-    monkeypatch.setattr(shutil, "get_terminal_size", lambda: os.terminal_size((width, 24)))
     sentence = "a sentence that has a good many words of several sizes, and a well-known-hyphenated word at its end"
     whole = ["k2      4e+06                   3.8e+06 ... 4.22e+06         reliable, and more than there is room for",
              "next: compstiff correct cell.yaml part.mod --forces part.forces.csv -o corrected.mod", "", "short"]
     text = "\n".join([sentence, f"   {sentence}", *whole])
-    assert console._in_lines(text, Terminal(False)) == text
-    shown = console._in_lines(text, Terminal(True)).split("\n")
+    with monkeypatch.context() as patched:      # pytest asks for the size of its own terminal as soon as the test has ended
+        patched.setattr(shutil, "get_terminal_size", lambda *_, **__: os.terminal_size((width, 24)))
+        assert console._in_lines(text, Terminal(False)) == text
+        shown = console._in_lines(text, Terminal(True)).split("\n")
     assert shown[-4:] == whole
     first = next(k for k, line in enumerate(shown) if line.startswith("   a"))
     for lines, indent in ((shown[:first], 0), (shown[first:-4], 3)):
