@@ -205,7 +205,7 @@ def _places(stock: Stock, cutter: Cutter, steps: Steps, layer: Indices, step: In
         gain = cutter.radius_at(np.minimum(foot + thick, cutter.flute)) - cutter.radius_at(np.minimum(foot, cutter.flute))
     some = np.flatnonzero((thick > 0) & (radius > 0))
     return Places(step, layer, thick, foot, at, radius, sine, gain, cutter.edge_length(foot, foot + thick), angle,
-                   share)[some]
+                  share)[some]
 
 
 def _rim(places: Places, steps: Steps) -> Array:

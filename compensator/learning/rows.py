@@ -153,14 +153,16 @@ def slope_along(predicted: Predicted, moved: Array) -> Array:
     each target."""
     length = predicted.path.length[predicted.targets]
     slope = np.linalg.norm(np.diff(moved, axis=0), axis=1) / np.maximum(np.diff(length), 1e-4)
-    return np.asarray(np.maximum(np.append(slope, 0.0), np.insert(slope, 0, 0.0)))
+    return np.asarray(np.maximum(np.append(slope, 0.0), np.insert(slope, 0, 0.0))[:len(length)])
 
 
 def steep_at(of_targets: sparse.csr_array, slope: Array) -> Array:
     """What rows (n, 3 M) see of a slope (M,), whatever its direction (n,): one that is known along some directions alone would
     hang on the axes that a part is measured along."""
-    size = sparse.csr_array(of_targets.power(2) @ np.kron(np.eye(len(slope)), np.ones((3, 1)))).sqrt()
-    return np.asarray(size @ slope)
+    squares = sparse.csr_array((of_targets.data**2, of_targets.indices // 3, of_targets.indptr),
+                               shape=(of_targets.shape[0], len(slope)))
+    squares.sum_duplicates()
+    return np.asarray(squares.sqrt() @ slope)
 
 
 def _groups(length: Array, most: int) -> Indices:

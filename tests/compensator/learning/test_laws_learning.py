@@ -664,7 +664,9 @@ def test_the_deviation_is_as_steep_as_the_steeper_side() -> None:
     steep = slope_along(job, moved)
     first = np.hypot(3000, 2000)
     assert steep == pytest.approx(1e-6 * np.array([first, first, 1e4, 1e4]))
-    assert not slope_along(SimpleNamespace(path=job.path, targets=np.array([2])), moved[:1]).any()
+    for count in (0, 1):
+        alone = slope_along(SimpleNamespace(path=job.path, targets=np.arange(2, 2 + count)), moved[:count])
+        assert alone.tolist() == [0.0] * count
 
 
 def test_how_steep_a_place_is_does_not_hang_on_the_axes_it_is_measured_along() -> None:
@@ -678,6 +680,9 @@ def test_how_steep_a_place_is_does_not_hang_on_the_axes_it_is_measured_along() -
             weights[place, :, place + 1] = share[place] * axes
         seen = steep_at(sparse.csr_array(weights.reshape(6, 9)), slope)
         assert seen == pytest.approx(np.repeat([0.75 * 2e-3 + 0.25 * 6e-3, 1e-3], 3))
+    # Of a program of a million targets it takes what its rows take.
+    long = sparse.csr_array(([0.6, 0.8], ([0, 0], [3, 5])), shape=(1, 3_000_000))
+    assert steep_at(long, np.full(1_000_000, 2e-3)) == pytest.approx([2e-3])
 
 
 def test_a_point_between_two_walls_is_as_near_to_either() -> None:
