@@ -30,6 +30,8 @@ SOFT_SERVO = {"softact": True, "softdeact": False, "cssact": True, "cssdeactmove
 """Instructions that let the controller give way under load, or hold again: soft servo, its Cartesian kind, force control."""
 AXIS_OFFSET = {"eoffson": True, "eoffsset": True, "eoffsoff": False}
 """Instructions that switch an offset of the external axes on or off."""
+OVERRIDE = {"velset": "VelSet", "speedrefresh": "SpeedRefresh"}
+"""Instructions that change the speed of all moves behind them, as they are written."""
 UNIT_SWITCH = {"actunit": True, "deactunit": False}
 """Instructions that switch a mechanical unit on or off."""
 

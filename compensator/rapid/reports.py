@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from compensator.rapid.blocks import arguments
 from compensator.rapid.handed import Elsewhere, handed_out
+from compensator.rapid.moves import OVERRIDE
 from compensator.rapid.quaternions import SLIGHT, UNUSABLE
 from compensator.rapid.rows import Rows
 from compensator.rapid.scan import Scan
@@ -300,17 +301,22 @@ def _unknown(scan: Scan, tails: Tails, places: Places) -> list[Finding]:
 
 
 def _overridden(scan: Scan, values: Values, tails: Tails, places: Places) -> list[Finding]:
-    """VelSet, where it makes the robot drive at other speeds than the moves state."""
+    """VelSet and SpeedRefresh, where they make the robot drive at other speeds than the moves state."""
     fastest = 1e3 * float(np.nanmax(tails.feed, initial=0.0))
     found = []
-    for step, scope in scan.overridden if "velset" not in scan.routines else ():
+    for step, scope in scan.overridden:
+        if step.name in scan.routines:
+            continue
+        name = OVERRIDE[step.name]
         parts = [values.parse(part[0].start, part[-1].end) for part in arguments(places.source, step) if part]
-        match [values.number(part, scope, "VelSet") for part in parts]:
-            case [float(share), float(most)] if share == 100 and most >= fastest:
+        match [name, *(values.number(part, scope, name) for part in parts)]:
+            case ["VelSet", float(share), float(most)] if share == 100 and most >= fastest:
                 continue
-        found.append((step.start, ",".join(values.spelled(part) for part in parts)))
+            case ["SpeedRefresh", float(share)] if share == 100:
+                continue
+        found.append((step.start, f"{name} {','.join(values.spelled(part) for part in parts)}"))
     return [places.offset(
-        "CS2061", "warning", f"VelSet {found[0][1]} changes the speed of moves, which is taken as they state it",
+        "CS2061", "warning", f"{found[0][1]} changes the speed of moves, which is taken as they state it",
         [offset for offset, _ in found], "write the speeds that are driven into the moves: a log by time is placed by them, "
         "and the feed a tooth follows from them")] if found else []
 

@@ -20,7 +20,7 @@ MOTION = re.compile(
 HARMLESS = frozenset((
     "pdispon", "pdispset", "pdispadd", "eoffson", "eoffsset", "gripload", "return", "raise", "goto", "exit", "retry",
     "trynext", "tpwrite", "write", "connect", "waittime", "waituntil", "waitsynctask", "stop", "set", "reset",
-    "setdo", "setao", "setgo", "pulsedo", "moveextj", "confl", "confj", "velset", "accset", "offs", "reltool",
+    "setdo", "setao", "setgo", "pulsedo", "moveextj", "confl", "confj", "velset", "speedrefresh", "accset", "offs", "reltool",
     "calcjointt", "distance", "poseinv", "posemult", "posevect", "orobt", "mirpos", "norient", "eulerzyx", "abs",
     "sqrt", "valtostr", "dim", "present", "ispers", "isvar", "numtostr", "vectmagn", "dotprod", "crossprod",
 ))

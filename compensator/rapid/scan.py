@@ -77,7 +77,7 @@ class Scan:
     offsets: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     units: list[tuple[int, str, bool, int]] = field(default_factory=list)
     others: list[tuple[str, int]] = field(default_factory=list)     # further motion instructions: name, offset
-    overridden: list[tuple[Step, Scope]] = field(default_factory=list)      # each VelSet
+    overridden: list[tuple[Step, Scope]] = field(default_factory=list)      # each VelSet, SpeedRefresh
     modules: list[int] = field(default_factory=list)                # where each MODULE begins
     unmonitored: bool = False                                       # ConfL\\Off stands somewhere
     stray: int = -1                                                 # offset of text that is no statement

@@ -7,7 +7,7 @@ from itertools import pairwise
 from compensator.rapid.blocks import JUMPS, Routine, Step
 from compensator.rapid.expressions import Cursor
 from compensator.rapid.lexer import OPERATORS, Token, ends_operand, tokens
-from compensator.rapid.moves import ARGUMENTS, AXIS_OFFSET, DISPLACEMENT, SOFT_SERVO, UNIT_SWITCH, parse_move
+from compensator.rapid.moves import ARGUMENTS, AXIS_OFFSET, DISPLACEMENT, OVERRIDE, SOFT_SERVO, UNIT_SWITCH, parse_move
 from compensator.rapid.runtime import HARMLESS, MOTION, Parameter
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Declaration, Scope
@@ -165,7 +165,7 @@ class Statements:
             self.scan.offsets.append((len(self.scan.move), AXIS_OFFSET[name]))
         elif name in UNIT_SWITCH:
             self.scan.units.append((len(self.scan.move), words[1].word, UNIT_SWITCH[name], words[0].start))
-        elif name == "velset":
+        elif name in OVERRIDE:
             step = Step(len(self.scan.move), "call", name, words[0].start, words[-1].end)
             self.scan.overridden.append((step, self.scan.scope))
         elif name == "confl":

@@ -134,7 +134,10 @@ def test_a_speed_and_a_zone_that_the_text_does_not_give_are_told_as_written() ->
     ("VelSet 99.9,5000;", "VelSet 99.9,5000"), ("VelSet 100,99.9;", "VelSet 100,99.9"),
     ("VelSet nHalf,5000;", "VelSet nHalf,5000"),
     ("VelSet nOpen , nMost;", "VelSet nOpen,nMost"), ("VelSet 100,nOpen;", "VelSet 100,nOpen"),
-    ("VelSet Override:=50,Max:=300;", "VelSet 50,300"), ("IF bSlow VelSet 150,5000;", "VelSet 150,5000")])
+    ("VelSet Override:=50,Max:=300;", "VelSet 50,300"), ("IF bSlow VelSet 150,5000;", "VelSet 150,5000"),
+    ("SpeedRefresh 100;", ""), ("speedrefresh 99.9;", "SpeedRefresh 99.9"), ("SpeedRefresh nHalf;", "SpeedRefresh nHalf"),
+    ("SpeedRefresh nOpen;", "SpeedRefresh nOpen"), ("VelSet 100;", "VelSet 100"),
+    ("SpeedRefresh 100,5000;", "SpeedRefresh 100,5000")])
 def test_a_speed_that_is_changed_for_all_moves_is_told(statement: str, said: str) -> None:
     """The fastest move has 100 mm/s; a speed that is not known bounds nothing."""
     data = "CONST num nMost:=300;\nCONST num nHalf:=50;\nVAR num nOpen:=100;"
@@ -148,8 +151,10 @@ def test_a_speed_that_is_changed_for_all_moves_is_told(statement: str, said: str
 
 
 def test_a_routine_of_the_program_may_be_called_as_the_instruction_is() -> None:
-    text = program(f"{NAMED.format(target())}VelSet 50,300;") + "PROC VelSet(num a,num b)\nENDPROC\n"
-    assert told(read_rapid(text.encode()).toolpath, "CS2061") == []
+    text = program(f"{NAMED.format(target())}VelSet 50,300;\nSpeedRefresh 50;") + "PROC VelSet(num a,num b)\nENDPROC\n"
+    assert [one[1] for one in told(read_rapid(text.encode()).toolpath, "CS2061")] == [
+        "SpeedRefresh 50 changes the speed of moves, which is taken as they state it"]
+    assert told(read_rapid((text + "PROC speedrefresh(num a)\nENDPROC\n").encode()).toolpath, "CS2061") == []
 
 
 def test_quaternions_that_are_off_are_told_by_the_largest() -> None:
