@@ -70,9 +70,10 @@ def _ways(
     fits = [(order, at) for order, at in ways if len(at) == edges]
     if not fits:
         counts = " or ".join(str(count) for count in sorted({len(at) for _, at in ways}))
+        counts += " target" if counts == "1" else " targets"
         if not changes:
             raise error("CS3088", f"the column {MARK} has one value from its first row to its last, the program switches its "
-                        f"output at {counts} targets", file=log.source,
+                        f"output at {counts}", file=log.source,
                         hint="is the output wired to the input that is logged, and is this the log of the marked program?")
         low = any(len(at) == changes for _, at in ways)
         turned = ("; it begins high, and counted from its first fall it has as many: is the wire active low, high while the "
@@ -80,11 +81,11 @@ def _ways(
         hint = (f"turn the column {MARK} over, or the input: high while the output is on" if low else
                 "log from before the first target until behind the last, once, at more than 100 samples a second; a loop or an "
                 "IF switches another number of times")
-        raise error("CS3088", f"the column {MARK} has {edges} edges, the program switches its output at {counts} targets"
+        raise error("CS3088", f"the column {MARK} has {counted(edges, 'edge')}, the program switches its output at {counts}"
                     f"{turned}", file=log.source, hint=hint)
     if len({tuple((at if order is None else order[at]).tolist()) for order, at in fits}) > 1:
-        raise error("CS3123", f"the column {MARK} has {edges} edges, and so many has the program by several of its branches",
-                    file=log.source, hint=HINT)
+        raise error("CS3123", f"the column {MARK} has {counted(edges, 'edge')}, and so many has the program by several of its "
+                    "branches", file=log.source, hint=HINT)
     return fits
 
 

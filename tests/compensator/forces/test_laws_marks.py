@@ -173,7 +173,7 @@ TURNED = ("; it begins high, and counted from its first fall it has as many: is 
     (levels(0, 20, 100, 20, 30), [[2, 4, 6]], "has 2 edges, the program switches its output at 3 targets" + TURNED),
     (levels(0, 20, 100, 20, 30), [[2, 4, 6], [2]], "has 2 edges, the program switches its output at 1 or 3 targets" + TURNED),
     (levels(0, 20, 100, 20, 30), [[2, 4, 6, 7]], "has 2 edges, the program switches its output at 4 targets"),
-    (levels(0, 20, 100), [[3]], "has 0 edges, the program switches its output at 1 targets" + TURNED),
+    (levels(0, 20, 100), [[3]], "has 0 edges, the program switches its output at 1 target" + TURNED),
     (levels(140), [[3, 4]], "has one value from its first row to its last, the program switches its output at 2 targets")])
 def test_another_number_of_edges_is_refused(
     path: RobotPath, tmp_path: Path, level: np.ndarray, switches: list[list[int]], said: str
