@@ -34,7 +34,7 @@ def read_apt(file: Path, tool: str | None = None) -> CamPath:
     reader = _Reader(str(file), text, tool)
     for statement in statements(text, str(file)):
         if reader.finished:
-            reader.left_out.behind += 1
+            reader.left_out.behind += not statement.word.startswith(COMMENT)
             continue
         reader.take(statement)
     return reader.cam_path()

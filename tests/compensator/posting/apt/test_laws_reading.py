@@ -253,7 +253,8 @@ def test_what_the_machine_should_do_becomes_comments_and_unknown_words_are_count
     assert found["CS2111"].line == 4
     assert "2 machine commands (from SPINDL/9000,RPM,CLW on)" in found["CS2111"].message
     assert "1 statement behind FINI" in found["CS2114"].message
-    assert not {"CS2104", "CS2111", "CS2114"} & set(codes(read("PARTNO BRACKET\n" + HEAD + "GOTO/1,0,0\nFINI\n")))
+    assert not {"CS2104", "CS2111", "CS2114"} & set(codes(read(
+        "PARTNO BRACKET\n" + HEAD + "GOTO/1,0,0\nFINI\n$$ the end\n$$-> END /\n")))
     assert len(path) == 1
 
 
