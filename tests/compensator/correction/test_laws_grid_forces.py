@@ -190,6 +190,9 @@ def test_a_target_reached_by_the_air_feed_is_still_where_the_sample_before_was(f
     assert np.flatnonzero(found.samples != given.samples).tolist() == still
     nothing = replace(given, samples=np.zeros(3, dtype=int))
     assert _still_at_touch(nothing, SimpleNamespace(path=path), grid) is nothing
+    # Behind the first one that has a sample, whatever those behind it show; before that one nothing is known.
+    first = _still_at_touch(replace(given, samples=np.array([0, 1, 0])), SimpleNamespace(path=path), grid)
+    assert first.samples.tolist() == [0, 1, int(bool(still))]
 
 
 def test_rows_of_moves_that_a_call_leads_to_are_taken_elsewhere() -> None:
