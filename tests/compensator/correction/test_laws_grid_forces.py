@@ -12,12 +12,15 @@ import pytest
 
 from compensator.correction.grid_forces import (
     _between_samples,
+    _centred,
     _on_their_moves,
     _still_at_touch,
     _unsure_at_steps,
     _without_short_gaps,
+    along_chords,
     among_others,
     averaged,
+    forces_on,
     noise_of,
     place_of,
     weight_of,
@@ -151,6 +154,16 @@ def test_targets_take_the_mean_over_half_the_way_to_the_nearer_one(by_place: boo
     assert found.weight_std.tolist() == [40, 43, 46, 47, 52]
 
 
+def test_a_point_without_samples_is_as_unsure_in_a_mean_as_one_sample() -> None:
+    """Points 3 to 5, of no sample, of three and of one; a target that has none itself keeps its own error."""
+    placed = replace(forces([10.0] * 8, [1, 1, 1, 0, 3, 1, 1, 1]), standard_error=np.outer(np.arange(1.0, 9), np.ones(3)))
+    grid: Any = SimpleNamespace(further=np.arange(8) > 0, owner=np.zeros(8, dtype=int))
+    found = averaged(placed, placed, grid, np.arange(8.0), np.array([1, 4, 7]), np.zeros(8, dtype=bool))
+    assert found.standard_error[1] == pytest.approx(np.sqrt(4**2 + (3 * 5) ** 2 + 6**2) / 4)
+    none = averaged(placed, placed, grid, np.arange(8.0), np.array([0, 3, 6]), np.zeros(8, dtype=bool))
+    assert none.standard_error[1] == pytest.approx(4)
+
+
 def test_targets_without_force_have_none_however_much_is_beside_them() -> None:
     placed = replace(forces([10, 0, 10, 10, 10, 10, 10]), wrench=np.full((7, 1), 10.0) * WAYS)
     grid: Any = SimpleNamespace(further=np.array([False, True, False, False, False, False, False]), owner=np.arange(7))
@@ -219,3 +232,55 @@ def test_rows_of_moves_that_a_call_leads_to_are_taken_elsewhere() -> None:
     assert kept(every, ((2, 2),), order) == [0, 0.5, 1, 2, 2.5, 4]
     assert kept(every, ((2, 4),), order) == [0, 0.5, 1, 2, 2.5, 3, 4]
     assert kept([2, 3, 5], driven=order) == [2, 3, 5]
+
+
+def test_a_log_along_an_arc_is_carried_onto_its_chords() -> None:
+    """Targets every 20 degrees of an arc between two straight moves, two points on each piece: every target's sample is at the
+    target again, those between are in proportion, and before and behind all of it they keep their distance."""
+    on, around = np.radians(np.arange(0, 181, 20)), 0.05
+    given = np.concatenate([[0.0], 0.1 + around * on, [0.1 + around * np.pi + 0.2]])
+    chord = 3 * 2 * around * np.sin(np.radians(20 / 6))
+    now = np.concatenate([[0.0], 0.1 + chord * np.arange(10), [0.1 + 9 * chord + 0.2]])
+    np.testing.assert_allclose(along_chords(given, given, now), now, atol=1e-15)
+    middle = 0.5 * (given[1:] + given[:-1])
+    np.testing.assert_allclose(along_chords(middle, given, now), 0.5 * (now[1:] + now[:-1]), atol=1e-15)
+    beyond = along_chords(np.array([-0.01, given[-1] + 0.02]), given, now)
+    np.testing.assert_allclose(beyond, [-0.01, now[-1] + 0.02], atol=1e-15)
+
+
+def test_forces_that_name_targets_are_straight_from_one_to_the_next() -> None:
+    """Two further points on the move to the second target of three, none on the one after: between targets with force alone."""
+    rng = np.random.default_rng(4)
+    wrench, error = rng.normal(0, 90, (3, 6)), rng.uniform(1, 3, (3, 3))
+    further = np.array([False, True, True, False, False])
+    grid = SimpleNamespace(kept=np.flatnonzero(~further), further=further, targets=np.arange(3))
+    for forced, at in (([True] * 3, [True] * 5), ([True, False, True], [True, False, False, False, True])):
+        given = TargetForces(np.where(np.array(forced)[:, None], wrench, 0), np.array([7, 8, 9]), error, np.array(forced), None,
+                             (), SimpleNamespace(key="target"))
+        found = forces_on(SimpleNamespace(forces=given), None, grid, None)
+        along = np.interp([0, 1, 2, 3, 6], [0, 3, 6], [0, 1, 2])
+        wanted = np.column_stack([np.interp(along, range(3), axis) for axis in given.wrench.T])
+        assert found.forced.tolist() == at
+        assert np.allclose(found.wrench, np.where(np.array(at)[:, None], wanted, 0.0))
+        assert np.allclose(found.standard_error, np.column_stack([np.interp(along, range(3), axis) for axis in error.T]))
+        assert found.samples.tolist() == [7, 0, 0, 8, 9]
+
+
+def test_a_mean_is_moved_to_where_its_point_stands() -> None:
+    """Samples that lie unevenly about their points: a force that grows along the path comes out as it is there, but for the
+    points at the ends of what has force; a step stays as steep and as high as it is."""
+    rng, length = np.random.default_rng(8), 10e-3 * np.arange(30)
+    place = np.sort(np.concatenate([length + aside for aside in rng.uniform(-4e-3, 4e-3, (5, 30))]))
+    place = place[place >= 0]
+    forced = (np.arange(30) > 3) & (np.arange(30) < 26)
+    owner = np.rint(place / 10e-3).astype(int)
+    for law in (lambda s: 50.0 + 900.0 * s, lambda s: np.where(s > 0.145, 80.0, 20.0)):
+        means = np.array([law(place[owner == k]).mean() for k in range(30)])
+        wrench = np.column_stack([means * size for size in (1.0, -2.0, 0.5, 0.0, 0.1, -0.1)]) * forced[:, None]
+        log = SimpleNamespace(place=np.append(place, [np.nan, -1.0, 9.0]), weight=np.ones(len(place) + 3))
+        found = _centred(TargetForces(wrench, np.bincount(owner), np.ones((30, 3)), forced, None, (), log),
+                         SimpleNamespace(length=length))
+        there = law(length)[:, None] * np.array([1.0, -2.0, 0.5, 0.0, 0.1, -0.1])
+        inner = np.flatnonzero(forced)[1:-1]
+        assert np.allclose(found.wrench[inner], there[inner], atol=1e-9)
+        assert np.array_equal(np.delete(found.wrench, inner, axis=0), np.delete(wrench, inner, axis=0))
