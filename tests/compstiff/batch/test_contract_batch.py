@@ -178,6 +178,21 @@ def test_ctrl_c_is_told_where_programs_are_left(place: Shop, monkeypatch: pytest
     assert (told in done.stderr, "CS6011" in done.stderr) == (after < 3, after < 3)
 
 
+def test_outputs_of_an_earlier_call_are_kept_unless_force_is_asked_for(place: Shop) -> None:
+    """Of one program, and the others are corrected."""
+    place.put("a", "b")
+    out = place.folder / "out"
+    out.mkdir()
+    (out / "a.mod").write_text("earlier")
+    done = place.correct(place.source, "-o", f"{out}/", "--json")
+    first, second = map(json.loads, done.stdout.splitlines())
+    assert (done.exit_code, first["status"], second["status"], first["output"]) == (1, "failed", "ok", None)
+    assert [finding["code"] for finding in first["findings"] if finding["level"] == "error"] == ["CS0003"]
+    assert (out / "a.mod").read_text() == "earlier"
+    assert place.correct(place.source, "-o", f"{out}/", "--force").exit_code == 0
+    assert (out / "a.mod").read_bytes() == (out / "b.mod").read_bytes()
+
+
 @pytest.mark.parametrize("written", [False, True])
 def test_an_interrupt_within_a_program_says_whether_that_was_written(
     place: Shop, monkeypatch: pytest.MonkeyPatch, written: bool
