@@ -146,6 +146,16 @@ def test_an_arc_is_halved_as_often_as_its_shorter_half_lets_it(
     assert not (grid.may | grid.beside_zone | grid.crowded).any()
 
 
+def test_an_arc_is_as_fine_as_either_of_its_halves_may_be() -> None:
+    text = program()
+    for near, far in ((VIA, VIA + 1), (VIA + 1, VIA)):
+        spacing = np.full(8, 1e-3)
+        spacing[near], spacing[far] = 1.3e-3, 10.4e-3
+        grid = fine_grid(text, path_of(text), spacing, pieces(arc=1.0), 0.0, keep=False, whole=True)
+        assert grid is not None
+        assert grid.arcs.tolist() == [[3, 16]]
+
+
 def test_an_arc_beside_a_corner_keeps_its_zone() -> None:
     """The next move turns by 90 degrees behind it: in a zone of 5 mm no piece is shorter than 10 mm."""
     text = program()

@@ -184,7 +184,9 @@ def arc(deviation: np.ndarray, pieces: int, divisible: np.ndarray) -> tuple[np.n
     (4, "hump", (), [[0, 8]]), (100, "hump", (8,), [[0, 8]]),
     # A hump in the first quarter alone leaves the second half as it is.
     (60, "early", (), [[0, 1], [2, 1], [4, 2], [8, 4]]), (60, "early", (4,), [[0, 4], [8, 4]]),
-    (60, "early", (2,), [[0, 2], [4, 2], [8, 4]])])
+    (60, "early", (2,), [[0, 2], [4, 2], [8, 4]]),
+    # And one between the last two points the first.
+    (60, "late", (), [[0, 4], [8, 2], [12, 1], [14, 1]])])
 def test_an_arc_is_halved_where_a_corrected_arc_is_none(
         size_um: float, where: str, whole: tuple[int, ...], expected: list[list[int]]) -> None:
     angle = np.linspace(0, np.pi / 2, 17)
@@ -192,7 +194,8 @@ def test_an_arc_is_halved_where_a_corrected_arc_is_none(
     deviation = 1e-6 * size_um * {
         "aside": np.tile([0.3, -0.5, 0.8], (17, 1)), "outward": outward,
         "hump": outward * (np.abs(np.arange(17) - 8)[:, None] == 4),
-        "early": outward * np.interp(np.arange(17), [0, 2, 4], [0, 1, 0])[:, None]}[where]
+        "early": outward * np.interp(np.arange(17), [0, 2, 4], [0, 1, 0])[:, None],
+        "late": outward * (np.arange(17) == 15)[:, None]}[where]
     have, arcs = arc(deviation, 16, ~np.isin(np.arange(17), whole))
     assert arcs == expected
     assert np.flatnonzero(have).tolist() == sorted({first + k * step for first, step in arcs for k in range(3)})
