@@ -155,3 +155,10 @@ def test_a_stretch_that_stands_off_by_the_same_is_told_from_an_eighth_of_the_tar
     assert [(one.code, one.message) for one in found] == ([(
         "CS3120", f"the samples of 24 of 200 targets, from line {100 + 2 * 43} to {100 + 2 * 66}, lie beside the path by up to "
         f"{off_mm:.2g} mm ({0.6 * off_mm:+.2f}, +0.00, {0.8 * off_mm:+.2f} mm, base frame)")] if said else [])
+
+
+def test_of_a_stretch_the_place_is_told_that_is_the_farthest_off() -> None:
+    off = np.zeros((200, 3))
+    off[50:75, 1], off[60:72, 1] = 0.26e-3, -0.5e-3
+    [found] = _another_version(off, np.arange(200), job(list(range(200)), np.zeros(1), np.zeros((1, 3))))
+    assert found.message.endswith("lie beside the path by up to 0.5 mm (+0.00, -0.50, +0.00 mm, base frame)")
