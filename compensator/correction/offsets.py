@@ -43,7 +43,7 @@ def offset_blocks(corrected: Corrected) -> Iterator[bytes]:
     correction, kept, left = corrected.correction, corrected.kept, corrected.left
     # Which of the targets as given each corrected one is, and which of these are such.
     given = np.searchsorted(kept, correction.targets)
-    own = np.flatnonzero(kept[np.minimum(given, len(kept) - 1)] == correction.targets)
+    own = np.flatnonzero(kept[given] == correction.targets)
     at = given[own]
     # Beside targets that were added the share of the log that is a target's own may show no force, as where the tool leaves.
     silent = np.setdiff1d(corrected.planned.targets, at)
