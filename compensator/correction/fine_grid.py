@@ -28,7 +28,7 @@ MOST_PIECES, MOST_POINTS, FEWEST_PIECES = 2000, 200_000, 8
 # angle at the centre is twice that (ABB, RAPID instructions: MoveC, limitations: 0.1 mm, 1 degree; with a tenth to spare).
 ARC_SPACING, ARC_ANGLE = 0.11e-3, np.radians(2.2)
 # Pieces of half an arc are a power of two, so that arcs can be halved; so many are looked at though it is not.
-MOST_HALVINGS, LOOKED_AT = 9, 4
+LOOKED_AT = 4
 # So many targets on either side of a move are on a grid with it: what is said of a point is said of its neighbours' neighbours.
 AROUND = 4
 # Two targets stand as far apart as they must where they do so but for the rounding of what is written.
@@ -193,7 +193,7 @@ def _on_arc(
     angles = (to_middle, whole - to_middle)
     radius = float(np.linalg.norm(middle - centre))
     closest = max(float(spacing[via:via + 2].min()), ARC_SPACING, zone[via - 1], zone[via + 1], radius * ARC_ANGLE)
-    halvings = int(np.clip(np.log2(min(angles) * radius / closest), 0, MOST_HALVINGS))
+    halvings = int(max(np.log2(min(angles) * radius / closest), 0.0))
     divisible = halvings > 0 and not keep and follows_directly(program, via)
     pieces = 2**halvings if divisible else max(2**halvings, LOOKED_AT)
     share = np.arange(1, pieces) / pieces

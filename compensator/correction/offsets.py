@@ -43,11 +43,11 @@ def offset_blocks(corrected: Corrected) -> Iterator[bytes]:
     correction, kept, left = corrected.correction, corrected.kept, corrected.left
     # Which of the targets as given each corrected one is, and which of these are such.
     given = np.searchsorted(kept, correction.targets)
-    own = np.flatnonzero(kept[np.minimum(given, len(kept) - 1)] == correction.targets)
+    own = np.flatnonzero(kept[given] == correction.targets)
     at = given[own]
     # Beside targets that were added the share of the log that is a target's own may show no force, as where the tool leaves.
     silent = np.setdiff1d(corrected.planned.targets, at)
-    unknown = _held(corrected.planned)
+    unknown = _left(corrected.planned) | _held(corrected.planned)
     unknown[silent] = True
     every = np.zeros((len(corrected.predicted.path.toolpath), 4))
     every[correction.targets] = np.column_stack([1e3 * correction.offset, 1e6 * left.std])
@@ -106,8 +106,7 @@ def _blocks(
     toolpath, targets = predicted.path.toolpath, predicted.targets
     with np.errstate(over="ignore", invalid="ignore"):      # absurd feeds
         time = np.cumsum(predicted.path.move_time)
-    left = predicted.forces.forced.copy()
-    left[targets] = False
+    left = _left(predicted)
     unknown = left | _held(predicted)
     every, prediction = np.arange(len(toolpath)), predicted.prediction
     columns = [_Columns("x_mm y_mm z_mm", toolpath.position, 6, 1e3, every, every), *more,
@@ -134,6 +133,13 @@ def _blocks(
             stream.write((",".join(table.column_names) + "\n").encode())
         csv.write_csv(table, stream, csv.WriteOptions(include_header=False, quoting_style="needed"))
         yield stream.getvalue()
+
+
+def _left(predicted: Predicted) -> NDArray[np.bool_]:
+    """The targets (N,) with force that cannot be corrected."""
+    left = predicted.forces.forced.copy()
+    left[predicted.targets] = False
+    return left
 
 
 def _held(predicted: Predicted) -> NDArray[np.bool_]:

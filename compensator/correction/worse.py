@@ -27,6 +27,7 @@ is the number that is expected, and says nothing of how far it scatters.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from math import erfc, sqrt
 from typing import Any
 
@@ -48,7 +49,7 @@ Indices = NDArray[np.intp]
 OUTMOST, NOTHING = 4.5, 6.5
 # A log-normal distribution whose sigma is under this share of its mean is a normal one.
 ROUND = 1e-5
-PLACES, WEIGHTS = np.polynomial.legendre.leggauss(12)
+PLACES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +81,9 @@ class Risk:
         return found
 
     def _worse(self, between: Array) -> Array:
-        """Of few targets. Where f takes back what the correction does the answer turns round: on either side it is smooth."""
+        """Of few targets. Where f takes back what the correction does the answer turns round, and where it brings a target as
+        far off as it was without one, the better it is known otherwise the steeper: from one of these to the next it is smooth.
+        """
         mem, uem, ueu = (squared + between**2 * by for squared, by in (
             (self.mem, self.um**2), (self.uem, self.um), (self.ueu, 1.0)))
 
@@ -92,13 +95,17 @@ class Risk:
         every = np.arange(len(between))
         most = np.maximum(size(far, every), size(-far, every)) + 2 * NOTHING * (np.sqrt(mem) + far * np.sqrt(ueu))
         some = np.flatnonzero((most > 0) & (self.mm > TINY**2))
-        turn = np.clip(-self.um / np.maximum(self.grows, TINY), -OUTMOST, OUTMOST)
+        middle = self.ub + self.um
+        apart = np.sqrt(np.maximum(middle**2 - (2 * self.bm + self.mm + self.aside), 0.0))
+        turns = np.array([-self.um, -middle - apart, -middle + apart]) / np.maximum(self.grows, TINY)
+        ends = np.full((1, len(between)), OUTMOST)
+        edges = np.vstack([-ends, np.sort(np.clip(turns, -OUTMOST, OUTMOST), axis=0), ends])
         total = np.zeros(len(between))
-        for start, end in ((np.full(len(between), -OUTMOST), turn), (turn, np.full(len(between), OUTMOST))):
+        for start, end in pairwise(edges):
             of = some[end[some] > start[some]]
-            half, middle = 0.5 * (end - start)[of], 0.5 * (end + start)[of]
+            half, about = 0.5 * (end - start)[of], 0.5 * (end + start)[of]
             for place, weight in zip(PLACES, WEIGHTS, strict=True):
-                value = middle + half * place
+                value = about + half * place
                 likely = weight * half * np.exp(-0.5 * value**2)
                 f = value * self.grows[of]
                 std = np.maximum(np.sqrt(np.maximum(mem[of] + 2 * f * uem[of] + f**2 * ueu[of], 0.0)), TINY**2)

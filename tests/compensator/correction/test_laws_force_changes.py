@@ -103,6 +103,33 @@ def test_a_move_without_room_or_without_samples_asks_for_nothing() -> None:
     assert not np.isfinite(pieces_to_look_at(job, np.full(8, 1e-3), 0.0)[[1, 2]]).any()
 
 
+@pytest.mark.parametrize(("off", "asks"), [
+    ((60, -60, 60, -60), True), ((60, -60, 0, 0), True), ((0, 0, 0, 60), True), ((40, -40, 0, 0), False)])
+def test_four_samples_of_a_move_stand_for_a_quarter_of_it_each(off: tuple[float, ...], asks: bool) -> None:
+    """From 20 to 50 mm, the last of them at the target itself: newtons beside 100, of which 50 move the tool by half the
+    tolerance. Under half of a move there is no shape that two samples to and fro do not cancel."""
+    few = np.array([21, 29, 37, 50.0])
+    place = np.concatenate([PLACE[PLACE < 20], few, PLACE[PLACE > 50]])
+    force = np.outer(np.where(np.isin(place, few), 100 + np.interp(place, few, off), 100), [0.0, 1, 0])
+    cut = [True] * 8
+    job = planned(LENGTH, cut, place, force)
+    job = planned(LENGTH, cut, place, force, tolerance=2 * 50 * softest(job.path.theta)[0])
+    assert np.isfinite(pieces_to_look_at(job, np.full(8, 1e-3), 0.0))[[1, 2, 4]].tolist() == [False, asks, asks]
+
+
+def test_a_move_from_or_to_a_target_without_samples_asks_for_nothing() -> None:
+    """None within half of the way to its neighbours, from 15 to 35 mm: a force that stays is no force that began there."""
+    place = PLACE[(PLACE < 15) | (PLACE > 35)]
+    job = planned(LENGTH, [True] * 8, place, np.tile([0.0, 100, 0], (len(place), 1)))
+    assert not np.isfinite(pieces_to_look_at(job, np.full(8, 1e-3), 0.0))[[1, 2, 4]].any()
+
+
+def test_where_a_force_begins_three_pieces_lie_between_two_places_of_targets() -> None:
+    """Of 1.8 mm: 0.6, where four samples take 0.4."""
+    found = pieces_to_look_at(planned(LENGTH, [True] * 8, PLACE, bump(35, 60.0)), np.full(8, 1.8e-3), 0.0)
+    assert 1e3 * found[[2, 3, 4]] == pytest.approx(0.6)
+
+
 def test_what_lies_on_a_move_ends_at_its_target() -> None:
     job = planned([0.0, 10, 20], [True] * 3, np.array([-0.1, 0.0, 5, 10, 10.1, 20, 20.1, np.nan]), np.zeros((8, 3)))
     rows, move = force_changes._on_moves(job)
@@ -151,3 +178,8 @@ def test_twelve_places_tell_the_noise(count: int, beside: int, tells: bool) -> N
         # To and fro by 100 a place is off the cubic by 100 + (8 100 + 2 100) / 6, of means of four.
         share = 1 / 4 + (2 * 16 / 4 + 2 / 4) / 36
         np.testing.assert_allclose(found, [(100 + (800 + 200) / 6) / np.sqrt(share) / 0.6745, 0.0], atol=1e-9)
+
+
+def test_a_program_of_one_target_has_no_move_to_look_at() -> None:
+    job = planned([0.0], [True], np.zeros(3), np.tile([0.0, 100, 0], (3, 1)))
+    assert pieces_to_look_at(job, np.full(1, 1e-3), 0.0).tolist() == [np.inf]

@@ -21,8 +21,8 @@ THETA = np.array([0.1, 0.2, -0.3, 0.2, 0.8, 0.1]) + 0.1 * np.arange(5)[:, None]
 FOLLOWS, EDGES = 1e4 * RNG.standard_normal((5, 3, 3)), 30 * RNG.standard_normal((5, 3))
 TOP = 1e4 * RNG.standard_normal((5, 3))
 OBJECT = Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
-DEVIATION = 1e-4 * RNG.standard_normal((3, 3))
-TARGETS = np.array([0, 2, 3])
+DEVIATION = 1e-4 * RNG.standard_normal((4, 3))
+TARGETS = np.array([0, 2, 3, 4])
 # Of a cutter of 16 mm: a shoulder, less than half a millimetre, a slot.
 WIDTH = 1e-3 * np.array([3.0, 9, 0.4, 14.5, 9])
 
@@ -63,7 +63,7 @@ def test_each_figure_is_what_the_robot_would_yield_more() -> None:
     assert found.higher == pytest.approx(rms(moves(1e-3 * TOP)[TARGETS]), rel=1e-4)
     assert found.worn == pytest.approx(rms(moves(0.5 * EDGES)[TARGETS]), rel=1e-4)
     assert found.larger == pytest.approx(0.1 * rms(DEVIATION))
-    shares = np.array([0.5 / 3, 1.0, 1 / 14.5])
+    shares = np.array([0.5 / 3, 1.0, 1 / 14.5, 0.5 / 9])
     assert found.thicker == pytest.approx(rms(DEVIATION * shares[:, None]))
 
 

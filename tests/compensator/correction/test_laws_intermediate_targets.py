@@ -18,11 +18,9 @@ from compensator.correction.correct import Corrected, correct
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.fine_grid import _around, fine_grid
 from compensator.correction.force_changes import noise_of_one
-from compensator.correction.grid_forces import _centred, along_chords, forces_on
 from compensator.correction.grid_path import asks_for_all, grid_path
 from compensator.correction.needed_targets import Wanted, beyond_noise, needed_points, window_means, windows
 from compensator.correction.settings import CLOSEST, Estimate, Settings
-from compensator.forces.target_forces import TargetForces
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import ORIGIN, Path3
 from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation
@@ -571,58 +569,6 @@ def test_points_of_a_grid_are_driven_like_the_moves_they_lie_on(tmp_path: Path) 
     narrow = replace(robot, limits=np.column_stack([robot.limits[:, 0], np.r_[robot.limits[:5, 1], robot.limits[5, 0] + 0.01]]))
     fine = grid_path(replace(planned.path, cell=replace(planned.cell, robot=narrow)), grid)
     np.testing.assert_array_equal(fine.reached, ~grid.further)
-
-
-def test_a_log_along_an_arc_is_carried_onto_its_chords() -> None:
-    """Targets every 20 degrees of an arc between two straight moves, two points on each piece: every target's sample is at the
-    target again, those between are in proportion, and before and behind all of it they keep their distance."""
-    on, around = np.radians(np.arange(0, 181, 20)), 0.05
-    given = np.concatenate([[0.0], 0.1 + around * on, [0.1 + around * np.pi + 0.2]])
-    chord = 3 * 2 * around * np.sin(np.radians(20 / 6))
-    now = np.concatenate([[0.0], 0.1 + chord * np.arange(10), [0.1 + 9 * chord + 0.2]])
-    np.testing.assert_allclose(along_chords(given, given, now), now, atol=1e-15)
-    middle = 0.5 * (given[1:] + given[:-1])
-    np.testing.assert_allclose(along_chords(middle, given, now), 0.5 * (now[1:] + now[:-1]), atol=1e-15)
-    beyond = along_chords(np.array([-0.01, given[-1] + 0.02]), given, now)
-    np.testing.assert_allclose(beyond, [-0.01, now[-1] + 0.02], atol=1e-15)
-
-
-def test_forces_that_name_targets_are_straight_from_one_to_the_next() -> None:
-    """Two further points on the move to the second target of three, none on the one after: between targets with force alone."""
-    rng = np.random.default_rng(4)
-    wrench, error = rng.normal(0, 90, (3, 6)), rng.uniform(1, 3, (3, 3))
-    further = np.array([False, True, True, False, False])
-    grid = SimpleNamespace(kept=np.flatnonzero(~further), further=further, targets=np.arange(3))
-    for forced, at in (([True] * 3, [True] * 5), ([True, False, True], [True, False, False, False, True])):
-        given = TargetForces(np.where(np.array(forced)[:, None], wrench, 0), np.array([7, 8, 9]), error, np.array(forced), None,
-                             (), SimpleNamespace(key="target"))
-        found = forces_on(SimpleNamespace(forces=given), None, grid, None)
-        along = np.interp([0, 1, 2, 3, 6], [0, 3, 6], [0, 1, 2])
-        wanted = np.column_stack([np.interp(along, range(3), axis) for axis in given.wrench.T])
-        assert found.forced.tolist() == at
-        assert np.allclose(found.wrench, np.where(np.array(at)[:, None], wanted, 0.0))
-        assert np.allclose(found.standard_error, np.column_stack([np.interp(along, range(3), axis) for axis in error.T]))
-        assert found.samples.tolist() == [7, 0, 0, 8, 9]
-
-
-def test_a_mean_is_moved_to_where_its_point_stands() -> None:
-    """Samples that lie unevenly about their points: a force that grows along the path comes out as it is there, but for the
-    points at the ends of what has force; a step stays as steep and as high as it is."""
-    rng, length = np.random.default_rng(8), 10e-3 * np.arange(30)
-    place = np.sort(np.concatenate([length + aside for aside in rng.uniform(-4e-3, 4e-3, (5, 30))]))
-    place = place[place >= 0]
-    forced = (np.arange(30) > 3) & (np.arange(30) < 26)
-    owner = np.rint(place / 10e-3).astype(int)
-    for law in (lambda s: 50.0 + 900.0 * s, lambda s: np.where(s > 0.145, 80.0, 20.0)):
-        means = np.array([law(place[owner == k]).mean() for k in range(30)])
-        wrench = np.column_stack([means * size for size in (1.0, -2.0, 0.5, 0.0, 0.1, -0.1)]) * forced[:, None]
-        log = SimpleNamespace(place=np.append(place, [np.nan, -1.0, 9.0]), weight=np.ones(len(place) + 3))
-        found = _centred(TargetForces(wrench, np.bincount(owner), np.ones((30, 3)), forced, None, (), log),
-                         SimpleNamespace(length=length))
-        there = law(length)[:, None] * np.array([1.0, -2.0, 0.5, 0.0, 0.1, -0.1])
-        inner = np.flatnonzero(forced)[1:-1]
-        assert np.allclose(found.wrench[inner], there[inner], atol=1e-9)
-        assert np.array_equal(np.delete(found.wrench, inner, axis=0), np.delete(wrench, inner, axis=0))
 
 
 def test_what_stands_around_a_move_is_as_far_from_both_of_its_ends() -> None:

@@ -184,7 +184,9 @@ def arc(deviation: np.ndarray, pieces: int, divisible: np.ndarray) -> tuple[np.n
     (4, "hump", (), [[0, 8]]), (100, "hump", (8,), [[0, 8]]),
     # A hump in the first quarter alone leaves the second half as it is.
     (60, "early", (), [[0, 1], [2, 1], [4, 2], [8, 4]]), (60, "early", (4,), [[0, 4], [8, 4]]),
-    (60, "early", (2,), [[0, 2], [4, 2], [8, 4]])])
+    (60, "early", (2,), [[0, 2], [4, 2], [8, 4]]),
+    # And one between the last two points the first.
+    (60, "late", (), [[0, 4], [8, 2], [12, 1], [14, 1]])])
 def test_an_arc_is_halved_where_a_corrected_arc_is_none(
         size_um: float, where: str, whole: tuple[int, ...], expected: list[list[int]]) -> None:
     angle = np.linspace(0, np.pi / 2, 17)
@@ -192,7 +194,33 @@ def test_an_arc_is_halved_where_a_corrected_arc_is_none(
     deviation = 1e-6 * size_um * {
         "aside": np.tile([0.3, -0.5, 0.8], (17, 1)), "outward": outward,
         "hump": outward * (np.abs(np.arange(17) - 8)[:, None] == 4),
-        "early": outward * np.interp(np.arange(17), [0, 2, 4], [0, 1, 0])[:, None]}[where]
+        "early": outward * np.interp(np.arange(17), [0, 2, 4], [0, 1, 0])[:, None],
+        "late": outward * (np.arange(17) == 15)[:, None]}[where]
     have, arcs = arc(deviation, 16, ~np.isin(np.arange(17), whole))
     assert arcs == expected
     assert np.flatnonzero(have).tolist() == sorted({first + k * step for first, step in arcs for k in range(3)})
+
+
+@pytest.mark.parametrize("bent", [0, 1])
+def test_of_two_arcs_the_one_that_is_none_any_more_is_halved(bent: int) -> None:
+    """A line of five points, a quarter circle of eight pieces a half, and another with the same end: a hump in the middle of
+    each half of one of them."""
+    angle = np.linspace(0, np.pi / 2, 17)
+    first = 0.05 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    second = [0.0, 0.08, 0] + 0.03 * np.column_stack([np.sin(angle), -np.cos(angle), 0 * angle])
+    line = first[0] - np.outer(1e-3 * np.arange(5, 0, -1), [0.0, 1, 0])
+    position = np.vstack([line, first, second[1:]])
+    count = len(position)
+    outward = np.vstack([0 * line, first / 0.05, (second[1:] - [0, 0.08, 0]) / 0.03])
+    hump = np.isin(np.arange(count), [[9, 17], [25, 33]][bent])
+    deviation = 6e-6 * outward * hump[:, None]
+    further = ~np.isin(np.arange(count), [0, 5, 13, 21, 29, 37])
+    grid: Any = SimpleNamespace(further=further, may=np.zeros(count, dtype=bool), divisible=np.full(count, True),
+                                arcs=np.array([[5, 8], [21, 8]]))
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
+    on = np.full(count, True)
+    have, arcs = needed_points(grid, Wanted(deviation, deviation, TOLERANCE, np.zeros(count), np.inf, on, on, length,
+                                            np.ones(count), position, np.full(count, 1e-3), ~on))
+    halved = [[5, 21], [21, 5]][bent]
+    assert sorted(arcs.tolist()) == sorted([[halved[0], 4], [halved[0] + 8, 4], [halved[1], 8]])
+    assert np.flatnonzero(have).tolist() == sorted({0, 5, 13, 21, 29, 37, *(halved[0] + 4 * k for k in range(5))})

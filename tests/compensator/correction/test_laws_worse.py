@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 from statistics import NormalDist
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
 from compensator.correction.correct import Corrected
-from compensator.correction.worse import risk
+from compensator.correction.settings import CorrectionSettings, Estimate
+from compensator.correction.worse import Risk, risk, risk_of
 from identification.model.compliance import loaded_pose
+from identification.model.rotations import Frame
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import line
 from tests.runs.command_line.user_files import IRB6660, TOOL, Job
@@ -37,7 +42,7 @@ def stated(before: np.ndarray, spread: np.ndarray, after: np.ndarray, grows: flo
 
 @pytest.mark.parametrize("left", [0.0, 0.7, 1.2], ids=["in full", "held back", "most of it"])
 @pytest.mark.parametrize(("size", "grows", "between"), [(1.0, 0, 0), (3, 0, 0), (0.3, 12, 0), (1, 25, 10), (0.1, 40, 5),
-                                                       (0.5, 0, 20)])
+                                                       (0.5, 0, 20), (0.01, 16, 0), (0.01, 32, 0)])
 def test_the_stated_chance_is_how_often_it_happens(left: float, size: float, grows: float, between: float) -> None:
     after = left * DEVIATION + [2.0, 3.0, -1.0]
     assert stated(DEVIATION, size * SPREAD, after, grows, between) == pytest.approx(
@@ -51,6 +56,77 @@ def test_what_is_not_moved_gets_no_worse_and_what_is_known_is_certain() -> None:
     assert stated(DEVIATION, nothing, 1.1 * DEVIATION) == 1
     assert stated(1e-6 * DEVIATION, 1e-12 * SPREAD, 0 * DEVIATION, 12e-6, 5e-6) == pytest.approx(
         stated(DEVIATION, SPREAD, 0 * DEVIATION, 12, 5)), "whatever the unit"
+
+
+@pytest.mark.parametrize("left", [-0.5, 0.0, 0.3, 0.6])
+@pytest.mark.parametrize("grows", [0.25, 0.5, 1.0])
+def test_where_nothing_else_is_unknown_a_target_gets_worse_where_the_force_brings_it_as_far_off(
+    left: float, grows: float
+) -> None:
+    """Of a deviation of 1 so much is left, on the other side too: by 1 less that, or by 1 and that the other way."""
+    size, chance = float(np.linalg.norm(DEVIATION)), NormalDist(0, grows)
+    assert stated(DEVIATION, 1e-6 * SPREAD, left * DEVIATION, grows * size) == pytest.approx(
+        chance.cdf(left - 1) + chance.cdf(-1 - left), abs=5e-4)
+
+
+def test_springs_that_push_along_the_correction_or_less_than_their_median_are_taken_as_normal() -> None:
+    """A deviation of 10 um whose mean is 2 um more, of a sigma of 3; one that is moved the way it stands; one whose mean is
+    less; and one whose mean is the median's."""
+    before, shift = np.diag([10.0, 10, 10]), np.diag([2.0, 2, -2])
+    before, shift = np.vstack([before, [10, 0, 0]]), np.vstack([shift, [0, 0, 0]])
+    after = before * np.array([0.5, 1.5, 0.5, 0.5])[:, None]
+    springs, nothing = np.tile(9.0 * np.eye(3), (4, 1, 1)), np.zeros((4, 3, 3))
+    found = risk(before, nothing, after, nothing, np.zeros(4), (shift, springs))
+    assert found.spread == pytest.approx([3 / 12, 0, 0, 3 / 10])
+    assert found.lift == pytest.approx([2 / 10, 0, 0, 0])
+
+
+@pytest.mark.parametrize("beside", ["nothing", "all", "wide springs in one"])
+@pytest.mark.parametrize("learned", [None, object()])
+def test_the_chance_takes_what_is_known_of_both_passes(beside: str, learned: Any) -> None:
+    """Target by target: where the program as it is stands, what a correction that is held back makes of the corrected pass,
+    which errors are in both and which in one alone."""
+    rng = np.random.default_rng(21)
+
+    def covariances() -> np.ndarray:
+        root = 3e-6 * rng.normal(size=(4, 3, 3))
+        return np.asarray(root @ root.swapaxes(1, 2))
+
+    at_rest, position, offset = 40e-6 * rng.normal(size=(3, 4, 3))
+    turns, share = Rotation.random(6, random_state=3), np.array([1.0, 0.6, 1.2, 0.0])
+    targets = np.array([1, 2, 4, 5])
+    turned, unloaded = (None, None) if beside == "nothing" else (covariances(), covariances())
+    wide = [SimpleNamespace(shift=20e-6 * rng.normal(size=(4, 3)), covariance=covariances(), more=covariances())
+            for _ in range(2)]
+    planned = SimpleNamespace(at_rest=at_rest, at_rest_covariance=covariances(), turned=turned,
+                              wide=None if beside == "nothing" else wide[0])
+    corrected: Any = SimpleNamespace(position=position, covariance=covariances(), wide=wide[1] if beside == "all" else None)
+    cut: Any = SimpleNamespace(uncorrected=np.array([1.0, 0.8, 1.3, 1.1]), in_covariance=1e-6 * np.arange(4),
+                               left=1e-6 * np.array([4.0, 9, 2, 5]))
+    cell = SimpleNamespace(motion=SimpleNamespace(compliance_std=0.2), force_log=SimpleNamespace(
+        form=SimpleNamespace(gain_std=0.1)))
+    job: Any = SimpleNamespace(
+        prediction=planned, loaded=SimpleNamespace(learned=learned),
+        path=SimpleNamespace(cell=cell, base_from_object=Frame(turns.as_matrix(), np.zeros((6, 3)))),
+        settings=SimpleNamespace(correction=CorrectionSettings(scale=Estimate(1.0))))
+    made: Any = SimpleNamespace(share=share, offset=offset, targets=targets)
+    found = risk_of(job, cut, corrected, made, unloaded)
+    for k in range(4):
+        part, times = min(share[k], 1.0), cut.uncorrected[k]
+        before = times * at_rest[k]
+        after = before + part * (position[k] - before) + turns[int(targets[k])].apply(offset[k])
+        way = position[k] / np.linalg.norm(position[k])
+        both = (0.0 if learned else 0.1**2 + 0.2**2) * np.outer(before, before)
+        both = both + (0.0 if turned is None else times**2 * turned[k]) + (0.0 if unloaded is None else unloaded[k])
+        first, second = planned.at_rest_covariance[k] + both, corrected.covariance[k] + both
+        second = second - cut.in_covariance[k] ** 2 * np.outer(way, way)
+        springs = None
+        if beside == "all":
+            first, second = first + wide[0].more[k], second + wide[1].more[k]
+            springs = times * wide[0].shift[k][None], times**2 * wide[0].covariance[k][None]
+        alone = risk(before[None], first[None], after[None], second[None], np.array([part * cut.left[k]]), springs)
+        for name in Risk.__dataclass_fields__:
+            assert getattr(found, name)[k] == pytest.approx(getattr(alone, name)[0], rel=1e-5, abs=1e-16), name
 
 
 def test_where_the_force_grows_both_passes_have_their_own_error() -> None:

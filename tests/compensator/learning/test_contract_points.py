@@ -68,6 +68,8 @@ def test_along_the_normal(folder: Path, name: str) -> None:
     ("x_mm,y_mm,z_mm,dx_um\n1,2,3,4\n1,2,3,-20100\n", "CS5301", 3, "a deviation of 20.1 mm, expected under 20 mm"),
     ("x_mm,y_mm,z_mm,nx,ny,nz,dn_um\n1,2,3,0,0,1,30000\n1,2,3,0,0,1,4\n", "CS5301", 2, "a deviation of 30 mm"),
     ("x_mm,y_mm,z_mm,dx_um,target\n1,2,3,4,1.5\n", "CS3004", 2, "1.5"),
+    ("x_mm,y_mm,z_mm,dx_um,target\n1,2,3,4,0\n1,2,3,4,-1\n", "CS3004", 3, "target -1 is not a target number"),
+    ("x_mm,y_mm,z_mm,dx_um,target\n1,2,3,4,1e9\n1,2,3,4,1.001e9\n", "CS3004", 3, "target 1.001e+09 is not"),
     ("x_mm,y_mm,dx_um\n1,2,3\n", "CS0202", 1, "z_mm"),
     ("x_mm,y_mm,z_mm,dx_um\n1,2,3,four\n", "CS0203", 2, "four"),
 ])

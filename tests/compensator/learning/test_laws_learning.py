@@ -14,7 +14,7 @@ from scipy import sparse, special, stats
 from scipy.spatial.transform import Rotation
 
 from compensator.correction.settings import Estimate
-from compensator.learned.learned import CHUNK, DRIFT, SETUP, JobFrame, Learned, Rest
+from compensator.learned.learned import CHUNK, DRIFT, NO_REMAINDER, SETUP, JobFrame, Learned, Rest
 from compensator.learned.remainder import POSTURE, Remainder, spread_out
 from compensator.learning import fitted_part
 from compensator.learning import sizes as of_sizes
@@ -22,11 +22,11 @@ from compensator.learning.causes import Asked, said_of_causes
 from compensator.learning.chance import FALSE_RATE, _ratio, chance_of_remainder
 from compensator.learning.fitted_part import _seen_of_the_job
 from compensator.learning.held_out import HeldOut, held_out
-from compensator.learning.learn import _parts
+from compensator.learning.learn import _before, _motion, _parts
 from compensator.learning.other_pass import refuse_other_pass
 from compensator.learning.pages import _along, _verdict
 from compensator.learning.path_places import _nearest
-from compensator.learning.posterior import posterior
+from compensator.learning.posterior import Posterior, posterior
 from compensator.learning.refusals import _missing
 from compensator.learning.rows import Rows, slope_along, steep_at
 from compensator.learning.shifted import said_of_shift
@@ -541,6 +541,33 @@ def test_set_up_and_drift_are_there_where_chance_shows_no_as_much(shift: float, 
     job = _seen_of_the_job(given, NOISE).job
     assert np.any(job[:SETUP, :SETUP]) == (shift > 0)
     assert np.any(job[SETUP:, SETUP:]) == (warms > 0)
+
+
+def test_the_factor_in_motion_is_what_all_springs_have_in_common() -> None:
+    """Six springs and two effects: ln of the compliances is the load tests' and a factor's, which the sensor's gain acts like.
+    What a part tells of their sums is conditioned by the joint distribution of factor and parameters."""
+    rng = np.random.default_rng(31)
+    root = 0.05 * rng.normal(size=(8, 8))
+    model: Any = SimpleNamespace(mean=rng.normal(size=8), covariance=root @ root.T)
+    cell: Any = SimpleNamespace(force_log=SimpleNamespace(form=SimpleNamespace(gain_std=0.04)))
+    motion = Estimate(1.3, 0.2)
+    springs = (np.arange(8) < 6).astype(float)
+    variance = (0.2 / 1.3) ** 2 + 0.04**2
+    mean, before = _before(model, motion, cell)
+    np.testing.assert_allclose(mean, model.mean + np.log(1.3) * springs)
+    np.testing.assert_allclose(before, root @ root.T + variance * np.outer(springs, springs))
+    seen, noise, told = rng.normal(size=(5, 8)), 0.02**2 * np.eye(5), 0.2 * rng.normal(size=5)
+    # Parameters less their mean before, and the ln of the factor behind them.
+    joint = np.block([[before, variance * springs[:, None]], [variance * springs[None], np.full((1, 1), variance)]])
+    rows = np.column_stack([seen, np.zeros(5)])
+    gain = joint @ rows.T @ np.linalg.inv(rows @ joint @ rows.T + noise)
+    found, left = gain @ told, joint - gain @ rows @ joint
+    known = np.concatenate([found[:8], rng.normal(size=9)])
+    covariance = np.eye(17)
+    covariance[:8, :8] = left[:8, :8]
+    factor = _motion(before, Posterior(known, covariance, NO_REMAINDER), motion, cell)
+    assert factor.value == pytest.approx(1.3 * np.exp(found[8]), rel=1e-6)
+    assert factor.std == pytest.approx(factor.value * np.sqrt(left[8, 8]), rel=1e-6)
 
 
 def test_each_part_of_what_was_learned_is_its_own_columns() -> None:

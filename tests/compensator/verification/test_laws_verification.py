@@ -241,11 +241,13 @@ def test_axes_are_told_apart_whose_intervals_have_nothing_in_common(
 @pytest.mark.parametrize(("interval", "inside"), [((0.9, 1.1), True), ((1.0, 1.2), True), ((0.8, 1.0), True),
                                                   ((1.01, 1.2), False), ((0.8, 0.99), False)])
 def test_a_scale_is_advised_where_one_lies_outside(interval: tuple[float, float], inside: bool) -> None:
-    """And where it lies inside that is said, and no scale advised."""
+    """And where it lies inside that is said, and no scale advised. A robot at rest gives way less than one in motion, not
+    more."""
     scale = Scale(100, float(np.mean(interval)), interval, 0.9, 0.95, 100.0, 20.0, None, None, (0.0,) * 3, False, 16, False)
     text = _scale_text(scale)
     assert ("1 lies inside: no scale is needed" in text) == inside
     assert ("Advice: correct" in text) != inside
+    assert ("So it is where the load tests were taken at standstill" in text) == (not inside and scale.scale > 1)
     assert "No scale is advised" not in text
     assert "No scale is advised" in _scale_text(replace(scale, interval=None))
 

@@ -25,3 +25,8 @@ def dies_at_a(files: ProgramFiles, own: bool) -> str:
         os._exit(9)
     time.sleep(0.0 if own else 2.0)
     return files.program.name
+
+
+def as_told(files: ProgramFiles, own: bool) -> tuple[str, bool]:
+    """Work that says what it was told."""
+    return files.program.name, own

@@ -10,12 +10,14 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from compensator.correction.files import Outputs
-from compstiff.batch.pairing import ProgramFiles, no_log
-from compstiff.batch.programs import ProgramResult
+from compstiff.batch import programs
+from compstiff.batch.pairing import Folders, ProgramFiles, no_log, paired
+from compstiff.batch.programs import ProgramResult, Shared
 from compstiff.cli import correct_batch
 from compstiff.outcome import Session
 from tests.compstiff.batch.programs import HARMLESS, Shop, shop
@@ -174,6 +176,43 @@ def test_ctrl_c_is_told_where_programs_are_left(place: Shop, monkeypatch: pytest
     assert (done.exit_code, len(shown)) == (130 if after < 3 else 0, after)
     told = f"CS6011: interrupted: {after} of 3 programs dealt with, no further one was begun"
     assert (told in done.stderr, "CS6011" in done.stderr) == (after < 3, after < 3)
+
+
+def test_outputs_of_an_earlier_call_are_kept_unless_force_is_asked_for(place: Shop) -> None:
+    """Of one program, and the others are corrected."""
+    place.put("a", "b")
+    out = place.folder / "out"
+    out.mkdir()
+    (out / "a.mod").write_text("earlier")
+    done = place.correct(place.source, "-o", f"{out}/", "--json")
+    first, second = map(json.loads, done.stdout.splitlines())
+    assert (done.exit_code, first["status"], second["status"], first["output"]) == (1, "failed", "ok", None)
+    assert [finding["code"] for finding in first["findings"] if finding["level"] == "error"] == ["CS0003"]
+    assert (out / "a.mod").read_text() == "earlier"
+    assert place.correct(place.source, "-o", f"{out}/", "--force").exit_code == 0
+    assert (out / "a.mod").read_bytes() == (out / "b.mod").read_bytes()
+
+
+@pytest.mark.parametrize("written", [False, True])
+def test_an_interrupt_within_a_program_says_whether_that_was_written(
+    place: Shop, monkeypatch: pytest.MonkeyPatch, written: bool
+) -> None:
+    """Of that one, whatever others of the same call were."""
+    folders = Folders(place.folder / "out")
+    folders.make()
+    [files] = paired(place.put("a"), None, folders)
+    shared = Shared(place.cell, place.stiffness, session=Session("correct", jobs=True))
+
+    def stop(*_: object) -> Any:
+        raise KeyboardInterrupt
+
+    if written:
+        monkeypatch.setattr(programs, "_alone", stop)
+    result = programs.correct_program(files, shared, before_writing=None if written else stop)
+    [finding] = result.findings
+    assert (result.status, result.code, finding.code, finding.message, files.outputs.program.exists()) == (
+        ("ok", 0, "CS0011", "interrupted after the output was complete", True) if written else
+        ("interrupted", 130, "CS0010", "interrupted; nothing was written", False))
 
 
 def test_a_lost_process_does_not_stop_the_others(place: Shop) -> None:

@@ -25,7 +25,7 @@ from compstiff.batch.pairing import Folders, paired, share_of
 from compstiff.batch.processes import in_processes
 from compstiff.batch.programs import Shared
 from compstiff.batch.running import correct_programs
-from tests.compstiff.batch.deadly import Deadly, dies_at_a
+from tests.compstiff.batch.deadly import Deadly, as_told, dies_at_a
 from tests.compstiff.batch.programs import Shop, shop
 from tests.support import answers, free_port, processes_in, started
 
@@ -251,6 +251,12 @@ def test_a_deadly_program_is_blamed_alone(place: Shop, monkeypatch: pytest.Monke
     results = list(correct_programs(batch, Shared(place.cell, place.stiffness), processes=2))
     assert [result.status for result in results] == ["defect", "ok", "ok", "ok", "ok", "ok"]
     assert [finding.code for finding in results[0].findings] == ["CS6010"]
+
+
+def test_outputs_that_exist_are_of_this_call_only_where_a_process_was_lost(place: Shop) -> None:
+    batch = paired(place.put("a", "b"), None, Folders(place.folder))
+    done = in_processes(deque(batch), as_told, 2, lambda: False)
+    assert [result for _, result in done] == [("a.mod", False), ("b.mod", False)]
 
 
 # Long: the deadly program is blamed alone above, and all others are corrected there.
