@@ -77,8 +77,8 @@ def place_forces(
     own_mean = mean if log.revolution is None else of_six(rows.mean(before_averaging))
     if zero.offset.any():
         mean, own_mean = _without_offset(mean, zero, rows), _without_offset(own_mean, zero, rows)
-    forced = over_scatter(own_mean, standard_error, rows) if zero.noise is None else over_noise(
-        own_mean, rows, zero.noise, zero.std)
+    forced = over_scatter(own_mean, standard_error, rows) if zero.spread is None else over_noise(
+        own_mean, rows, *zero.spread)
     forced = without_gaps(forced, rows.samples > 0, ~moves_in_air(path.toolpath), own_mean[:, :3])
     standard_error = of_blocks(standard_error, rows.samples, rows.degrees(window), forced)
     if log.key == "target":
@@ -223,9 +223,10 @@ def _turned(base_from_axes: Frame, variance: Array) -> Array:
 def _of_weight(zero: Zero, zero_std: float, path: RobotPath, cell: Cell) -> Array | None:
     """By how much the zero at each target is less sure (N, 3) [N, 1 sigma], base frame, than zero_std [N]: its payload was told
     by the tare."""
-    if zero.std.ndim == 1:
+    if zero.spread is None or zero.std.ndim == 1:
         return None
-    square = np.nan_to_num(_turned(base_from_log(path, cell), zero.std[:, :3] ** 2))
+    rotation = base_from_log(path, cell).rotation
+    square = np.nan_to_num(np.einsum("nij,njk,nik->ni", rotation, zero.spread[1][:, :3, :3], rotation))
     return np.sqrt(np.maximum(square - zero_std**2, 0.0))
 
 
