@@ -172,7 +172,7 @@ def test_a_quick_look_leaves_the_eight_best_that_are_near_the_best(
 def test_a_log_that_names_a_target_which_no_call_leads_to_is_of_the_text(
     text: RobotPath, tmp_path: Path, means: Any, beside: tuple[int, ...], by_order: bool
 ) -> None:
-    """Else the way to the target ahead begins at the one that is driven before it: to 0 it is from 15, and to 8 there is none."""
+    """Else the way to the target ahead begins at the one that is driven before it."""
     order = np.array([*range(8, 16), *range(6)])
     form = replace(text.cell.force_log, form=text.cell.force_log.form.model_copy(update={"target": means}))
     path = replace(text, toolpath=replace(text.toolpath, driven=order), cell=replace(text.cell, force_log=form))

@@ -124,7 +124,7 @@ def test_a_log_that_starts_where_passes_cross_is_of_the_one_that_it_goes_on_alon
 @pytest.mark.parametrize("left_out", [1, 2])
 def test_what_a_log_leaves_out_between_two_places_that_are_one_is_passed_over(left_out: int) -> None:
     """A way aside and back that the tool did not go: the log walks on, and so little from sample to sample that only a search
-    farther ahead finds it there. Twice as far aside takes a reach four times as long; what is between counts to neither side."""
+    farther ahead finds it there."""
     aside = 0.04 * left_out
     points = np.array([[0, 0, 0], [0.05, 0, 0], [0.05, aside, 0], [0.05, 0, 0], [0.1, 0, 0], [0.1, aside, 0], [0.1, 0, 0],
                        [0.15, 0, 0.0]])

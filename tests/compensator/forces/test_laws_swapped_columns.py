@@ -73,7 +73,7 @@ def test_the_samples_log_with_two_columns_changed(
 
 
 def to_and_fro(axial: Array, weight: Array) -> bool:
-    """What is said of forces (4, 3) [N] along the tool's axis, beside 20 N across it, on two moves each way of these weights."""
+    """Whether forces (4,) [N] along the tool's axis, beside 20 N across it, turn with two moves each way of these weights."""
     feed = np.array([1.0, 1, -1, -1])[:, None] * np.eye(3)[0]
     up = np.tile(np.eye(3)[2], (4, 1))
     cuts = Travel(np.arange(4), feed, np.cross(up, feed), up, weight, np.zeros(4, dtype=np.intp))
