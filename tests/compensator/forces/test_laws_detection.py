@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from compensator.forces.detection import over_noise, over_scatter, without_gaps
 from compensator.forces.log import read_force_log
-from compensator.forces.placement import place_forces
+from compensator.forces.placement import _of_weight, place_forces
 from compensator.forces.target_forces import TargetForces
 from compensator.forces.target_rows import TargetRows
+from compensator.forces.zero import Zero
 from tests.compensator.forces.test_contract_placement import log_text, plan
 
 
@@ -81,6 +83,29 @@ def test_a_sensor_turned_about_the_tool_tells_the_same_targets(tmp_path: Path, s
         assert turned.zero_std == pytest.approx(as_it_was.zero_std, rel=1e-6)
         assert [(one.code, one.message) for one in turned.findings if one.code not in ("CS3008", "CS3071")] == [
             (one.code, one.message) for one in as_it_was.findings if one.code not in ("CS3008", "CS3071")]
+
+
+def test_how_sure_a_zero_is_whose_weight_the_tare_told_is_said_along_the_base(tmp_path: Path) -> None:
+    """Its covariance (N, 3, 3) in the sensor's axes turned, less what is said of all targets; nothing of a zero that is one."""
+    axes = Rotation.from_euler("zyx", [50, 20, -30], degrees=True)
+    x, y, z, w = axes.as_quat()
+    path = plan(tmp_path, "robot: irb6660-205-1.90\ntool: {position_mm: [0, 0, 250]}\nforce_log: {frame: sensor, "
+                f"sensor_position_mm: [0, 0, 100], sensor_quaternion: [{w}, {x}, {y}, {z}]}}\n", count=4)
+    rng = np.random.default_rng(5)
+    root = np.zeros((4, 6, 6))
+    root[:, :3, :3], root[:, 3:, 3:] = rng.normal(0, 2, (4, 3, 3)), rng.normal(0, 90, (4, 3, 3))
+    covariance = root @ np.swapaxes(root, 1, 2)
+    std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    zero = Zero(np.zeros((4, 6)), np.zeros(6), np.ones(6), (), std, (np.eye(6), covariance))
+    turned = Rotation.from_matrix(path.base_from_flange.rotation) * axes
+    found = _of_weight(zero, 1.5, path, path.cell)
+    assert found is not None
+    for k, turn in enumerate(turned):
+        # By how far what scatters so goes along each axis of the base.
+        along = np.sum(turn.apply(root[k, :3, :3].T) ** 2, axis=0)
+        np.testing.assert_allclose(found[k], np.sqrt(np.maximum(along - 1.5**2, 0.0)), atol=1e-5)
+    assert _of_weight(replace(zero, std=std[0], spread=(np.eye(6), covariance[0])), 1.5, path, path.cell) is None
+    assert _of_weight(replace(zero, std=np.zeros(6), spread=None), 0.0, path, path.cell) is None
 
 
 def of_rows(*each: int) -> TargetRows:
