@@ -204,7 +204,8 @@ def _misplaced(length: Array, force: Array, spread: Array) -> Array:
 def _turn_to_base(path: RobotPath, cell: Cell) -> Array:
     """The rotation (N, 3, 3) from the log's axes to those of the base; none where a target's pose is not known."""
     rotation = base_from_log(path, cell).rotation
-    return np.where(np.isfinite(rotation).all(axis=(1, 2))[:, None, None], rotation, np.eye(3))
+    known = np.isfinite(rotation.sum(axis=(1, 2)))
+    return np.asarray(np.where(known[:, None, None], rotation, np.eye(3)))
 
 
 def _turned(turn: Array, mean: Array) -> Array:
@@ -225,7 +226,7 @@ def _to_base(mean: Array, log: ForceLog, path: RobotPath, cell: Cell) -> Array:
         carried = np.cross(lever, base_from_axes.turn(force))
         moment = moment + Frame(base_from_axes.rotation, np.zeros(3)).inverse().turn(carried)
     wrench = np.concatenate([base_from_axes.turn(force), base_from_axes.turn(moment)], axis=1)
-    return np.nan_to_num(wrench)
+    return np.asarray(np.nan_to_num(wrench))
 
 
 def _of_weight(zero: Zero, zero_std: float, path: RobotPath, cell: Cell) -> Array | None:
