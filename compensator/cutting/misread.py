@@ -64,7 +64,7 @@ def misread(
     weight, force = rows.weight[some], rows.force[some]
     expected = weight @ coefficients.mean
     of_model = coefficients.model_error * np.linalg.norm(expected, axis=1)
-    scale = np.sqrt(rows.error[some] ** 2 + LEAST**2 + of_model[:, None] ** 2)
+    scale = np.sqrt(rows.error[some] ** 2 + LEAST**2 + of_model[:, None] ** 2 / 3)
     known = [weight @ root_of(coefficients.covariance),
              np.broadcast_to(ZERO * np.eye(3), (len(some), 3, 3)), rows.aside[some] * (position_std / step)]
     design = np.concatenate(known, axis=2)

@@ -19,7 +19,7 @@ PAIRS = [(i, j) for i in range(4) for j in range(i, 4)]
 def candidates(program: ProgramTime, bins: Bins) -> list[tuple[float, float]]:
     """Start [s] and override of the alignments that explain most, each a stretch away from those before it."""
     n, width = len(bins.time), bins.width
-    step = 0.5 * width * 2 / max(program.duration, n * width)
+    step = width / max(program.duration, n * width)
     scored: list[tuple[float, float, float]] = []
     for override in np.exp(np.arange(np.log(SLOWEST), np.log(FASTEST), step)):
         share = _explained(program, bins, override)

@@ -11,18 +11,30 @@ from identification.common.arrays import Array
 Flags = NDArray[np.bool_]
 # A mean so many sigmas from zero is a force; one next to a force from GROW sigmas on; gaps of at most GAP targets are filled.
 SIGMAS, GROW, GAP = 5.0, 2.0, 3
-# The zero that a tare found is trusted to so many sigmas.
-OF_ZERO = 3.0
+# The zero that a tare found is trusted to so many sigmas: in space it is off by more as rarely as by 3 along one of three axes.
+OF_ZERO = 3.44
 # A target in a gap belongs to the cut with so much of the force that stands between its ends.
 HALF = 0.5
 
 
 def over_noise(mean: Array, rows: TargetRows, noise: Array, of_zero: Array) -> Flags:
-    """Targets (N,) whose mean (N, 6) is other than zero by 5 sigma of a sensor with this noise (6,) of one sample in air, and 3
-    sigma of its zero, of_zero (6,), one for all, or (N, 6)."""
-    # A component without noise (no moments logged, a clean simulation) shows a force by being other than zero.
-    least = np.hypot(SIGMAS / np.sqrt(np.maximum(rows.samples, 1))[:, None] * noise, OF_ZERO * of_zero)
-    return np.asarray((rows.samples > 0) & (np.abs(mean) > np.maximum(least, SIGMAS * 1e-12)).any(axis=1))
+    """Targets (N,) whose mean (N, 6) is other than zero by 5 sigma of a sensor with this noise (6, 6) of one sample in air, and
+    3.44 sigma of its zero, of_zero (6, 6), one for all, or (N, 6, 6): covariances.
+
+    Force and moment are held against what each has in its own direction, which is the same in whatever axes they were logged.
+    """
+    over = np.zeros(rows.count, dtype=bool)
+    for part in (slice(0, 3), slice(3, 6)):
+        vector = mean[:, part]
+        variance = (SIGMAS**2 / np.maximum(rows.samples, 1))[:, None, None] * noise[part, part] + (
+            OF_ZERO**2 * of_zero[..., part, part])
+        with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers
+            size = np.linalg.norm(vector, axis=1)
+            along = vector / np.maximum(size, 1e-300)[:, None]
+            least = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", along, variance, along), 0.0))
+            # Without noise (no moments logged, a clean simulation) it shows a force by being other than zero.
+            over |= size > np.maximum(least, SIGMAS * 1e-12)
+    return np.asarray((rows.samples > 0) & over)
 
 
 def over_scatter(mean: Array, standard_error: Array, rows: TargetRows) -> Flags:

@@ -61,16 +61,22 @@ class Payload:
         return self.mass < -3 * self.mass_std
 
     def std(self, fall: Array, bias_nm: Array) -> Array:
-        """1 sigma (n, 6) [N, N m] of what the sensor shows without contact where free fall is fall (n, 3) [m/s^2]; of moments
-        that are not told it is bias_nm (3,)."""
+        """1 sigma (n, 6) of what has this covariance; bias_nm (3,)."""
+        variance = np.diagonal(self.covariance(fall, np.diag(bias_nm**2)), axis1=1, axis2=2)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+    def covariance(self, fall: Array, bias_nm: Array) -> Array:
+        """Covariance (n, 6, 6) [N, N m] of what the sensor shows without contact where free fall is fall (n, 3) [m/s^2], forces
+        and moments each for themselves; of moments that are not told it is bias_nm (3, 3)."""
+        found = np.zeros((len(fall), 6, 6))
         force = np.concatenate([np.broadcast_to(np.eye(3), (len(fall), 3, 3)), fall[:, :, None]], axis=2)
-        square = np.einsum("nai,ij,naj->na", force, self.force_covariance, force)
-        moment = np.broadcast_to(bias_nm**2, square.shape)
+        found[:, :3, :3] = np.einsum("nai,ij,nbj->nab", force, self.force_covariance, force)
+        found[:, 3:, 3:] = bias_nm
         if self.moment_covariance is not None:
             arms = np.stack([np.cross(axis, fall) for axis in np.eye(3)], axis=2)
             arms = np.concatenate([np.broadcast_to(np.eye(3), arms.shape), arms], axis=2)
-            moment = np.einsum("nai,ij,naj->na", arms, self.moment_covariance, arms)
-        return np.asarray(np.sqrt(np.maximum(np.concatenate([square, moment], axis=1), 0.0)))
+            found[:, 3:, 3:] = np.einsum("nai,ij,nbj->nab", arms, self.moment_covariance, arms)
+        return found
 
 
 def weight(fall: Array, mass: float, arm: Array | None) -> Array:

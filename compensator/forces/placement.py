@@ -71,19 +71,22 @@ def place_forces(
     load, before_averaging = log.load[here], log.plain[here]
     mean = of_six(rows.mean(load))
     window = log.rate * log.revolution if log.rate and log.revolution else 0.0
-    standard_error = rows.standard_error(load[:, :3], mean, window)
     zero = zero_of(log, path, cell, before_averaging, rows, _stretches(tare), _outside(log, on), trusted=trust_tare)
     # Whether there is a force is for the samples of a target alone to say: a mean over a revolution reaches over an edge.
     own_mean = mean if log.revolution is None else of_six(rows.mean(before_averaging))
     if zero.offset.any():
         mean, own_mean = _without_offset(mean, zero, rows), _without_offset(own_mean, zero, rows)
-    forced = over_scatter(own_mean, standard_error, rows) if zero.noise is None else over_noise(
-        own_mean, rows, zero.noise, zero.std)
+    # Along the base, so that how the sensor sits on the tool does not matter.
+    turn, offset = _turn_to_base(path, cell), zero.offset[:, :3]
+    force = np.einsum("mij,mj->mi", turn[rows.target], load[:, :3] - offset[rows.target])
+    standard_error = rows.standard_error(force, _turned(turn, mean)[:, :3], window)
+    forced = over_scatter(_turned(turn, own_mean), standard_error, rows) if zero.spread is None else over_noise(
+        own_mean, rows, *zero.spread)
     forced = without_gaps(forced, rows.samples > 0, ~moves_in_air(path.toolpath), own_mean[:, :3])
     standard_error = of_blocks(standard_error, rows.samples, rows.degrees(window), forced)
     if log.key == "target":
-        standard_error = np.hypot(standard_error, at_edges(rows, load[:, :3], mean[:, :3], forced))
-    wrench, standard_error = _to_base(mean, standard_error, log, path, cell)
+        standard_error = np.hypot(standard_error, at_edges(rows, force, mean[:, :3], forced))
+    wrench = _to_base(mean, log, path, cell)
     if log.spread is not None:
         spread = rows.mean(log.spread[on, None])
         standard_error = np.hypot(standard_error, _misplaced(path.length, wrench[:, :3], spread))
@@ -198,12 +201,24 @@ def _misplaced(length: Array, force: Array, spread: Array) -> Array:
     return found
 
 
-def _to_base(mean: Array, standard_error: Array, log: ForceLog, path: RobotPath, cell: Cell) -> tuple[Array, Array]:
-    """The mean wrench (N, 6) on the tool at the TCP in the base frame, and the force's standard error there."""
+def _turn_to_base(path: RobotPath, cell: Cell) -> Array:
+    """The rotation (N, 3, 3) from the log's axes to those of the base; none where a target's pose is not known."""
+    rotation = base_from_log(path, cell).rotation
+    known = np.isfinite(rotation.sum(axis=(1, 2)))
+    return np.asarray(np.where(known[:, None, None], rotation, np.eye(3)))
+
+
+def _turned(turn: Array, mean: Array) -> Array:
+    """Mean loads (N, 6), of which the force is turned."""
+    return np.concatenate([np.einsum("nij,nj->ni", turn, mean[:, :3]), mean[:, 3:]], axis=1)
+
+
+def _to_base(mean: Array, log: ForceLog, path: RobotPath, cell: Cell) -> Array:
+    """The mean wrench (N, 6) on the tool at the TCP in the base frame."""
     frame = cell.force_log
     force, moment = frame.sign * mean[:, :3], frame.sign * mean[:, 3:]
     if frame.kind == "base":
-        return np.concatenate([force, moment], axis=1), standard_error
+        return np.concatenate([force, moment], axis=1)
     base_from_axes = base_from_log(path, cell)
     if log.has_moment:
         # Moments are those about the log's origin: carried to the TCP, M_tcp = M_log + (log - tcp) x F.
@@ -211,22 +226,17 @@ def _to_base(mean: Array, standard_error: Array, log: ForceLog, path: RobotPath,
         carried = np.cross(lever, base_from_axes.turn(force))
         moment = moment + Frame(base_from_axes.rotation, np.zeros(3)).inverse().turn(carried)
     wrench = np.concatenate([base_from_axes.turn(force), base_from_axes.turn(moment)], axis=1)
-    return np.nan_to_num(wrench), np.sqrt(_turned(base_from_axes, standard_error**2))
-
-
-def _turned(base_from_axes: Frame, variance: Array) -> Array:
-    """Variances (N, 3) along the log's axes along those of the base."""
-    rotation = np.broadcast_to(base_from_axes.rotation, (len(variance), 3, 3))
-    return np.asarray(np.einsum("nij,nj->ni", rotation**2, variance))
+    return np.asarray(np.nan_to_num(wrench))
 
 
 def _of_weight(zero: Zero, zero_std: float, path: RobotPath, cell: Cell) -> Array | None:
     """By how much the zero at each target is less sure (N, 3) [N, 1 sigma], base frame, than zero_std [N]: its payload was told
     by the tare."""
-    if zero.std.ndim == 1:
+    if zero.spread is None or zero.std.ndim == 1:
         return None
-    square = np.nan_to_num(_turned(base_from_log(path, cell), zero.std[:, :3] ** 2))
-    return np.sqrt(np.maximum(square - zero_std**2, 0.0))
+    rotation = base_from_log(path, cell).rotation
+    square = np.nan_to_num(np.einsum("nij,njk,nik->ni", rotation, zero.spread[1][:, :3, :3], rotation))
+    return np.asarray(np.sqrt(np.maximum(square - zero_std**2, 0.0)))
 
 
 def _in_frames(force: Array, mean: Array, path: RobotPath, cell: Cell) -> dict[str, Array]:

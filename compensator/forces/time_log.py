@@ -43,8 +43,6 @@ def promise_by_time(log: ForceLog, path: RobotPath) -> float:
     """What a quick look tells of how well a log with time alone fits a path, 0 to 1. Raises as `place_by_time`, but CS3061."""
     _check_times(log)
     program = program_time(path)
-    if not program.time[-1] > 0:
-        return 0.0
     span = float(log.place[-1] - log.place[0])
     bins = int(np.clip(LOOK * span / max(program.period, 1e-3), *LOOKS))
     return promise(program, binned(log.place, log.force, span / bins))

@@ -45,13 +45,26 @@ MEDIAN = 0.6745
 
 @dataclass(frozen=True, eq=False)
 class Air:
-    """Samples of air stretches. mean (k, 6) [N, N m] and fall (k, 3) [m/s^2] of each stretch, log frame; noise (6,) of one
-    sample as the mean of many shows it; each (k,): how many there are."""
+    """Samples of air stretches. mean (k, 6) [N, N m] and fall (k, 3) [m/s^2] of each stretch, log frame; covariance (6, 6) of
+    one sample as the mean of many shows it, by so many degrees of freedom; each (k,): how many there are."""
 
     mean: Array
     fall: Array
-    noise: Array
+    covariance: Array
+    degrees: int
     each: Array
+
+    @property
+    def noise(self) -> Array:
+        """1 sigma (6,) of one sample."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def steadied(self) -> Array:
+        """The covariance, FEW more degrees of freedom of which hold the axes for alike: by few some direction would seem quiet
+        by chance."""
+        alike = np.diag(np.repeat(np.diag(self.covariance).reshape(2, 3).mean(axis=1), 3))
+        return np.asarray((self.degrees * self.covariance + FEW * alike) / (self.degrees + FEW))
 
     @property
     def samples(self) -> float:
@@ -67,13 +80,15 @@ class Air:
 @dataclass(frozen=True, eq=False)
 class Zero:
     """offset (N, 6) as logged at each target without contact; bias (6,) in it, None where none is known; noise (6,) of one
-    sample, None without a tare; std: 1 sigma (6,) of the offset, or (N, 6) where its weight was told by the tare, too."""
+    sample, None without a tare; std: 1 sigma (6,) of the offset, or (N, 6) where its weight was told by the tare, too; spread:
+    covariances of both, (6, 6) and (6, 6) or (N, 6, 6)."""
 
     offset: Array
     bias: Array | None
     noise: Array | None
     findings: tuple[Finding, ...]
     std: Array
+    spread: tuple[Array, Array] | None
 
     @property
     def own_std(self) -> float:
@@ -81,7 +96,8 @@ class Zero:
         return float(np.sqrt(np.mean(self.std[:3] ** 2))) if self.std.ndim == 1 else 0.0
 
     def __post_init__(self) -> None:
-        read_only(self.std, *(array for array in (self.offset, self.bias, self.noise) if array is not None))
+        held = (self.offset, self.bias, self.noise, *(self.spread or ()))
+        read_only(self.std, *(array for array in held if array is not None))
 
 
 def of_six(loads: Array) -> Array:
@@ -117,6 +133,7 @@ def zero_of(
     findings: list[Finding] = []
     air = _air(log, loads, rows, fall, tare, moves_in_air(path.toolpath)) if tare else None
     std = np.zeros(6) if air is None else air.bias_std
+    spread = None if air is None else (air.steadied, air.steadied / air.samples)
     if air is not None and not mass and weighs and len(tare) > 1:
         payload = estimate_payload(air.fall, form.sign * air.mean, has_moment=log.has_moment,
                                    noise=air.noise / np.sqrt(air.each)[:, None])
@@ -125,6 +142,7 @@ def zero_of(
             # The centre in the log's own frame, where the sensor sits: carried to the flange once.
             mass, centre = payload.mass, _in_flange(payload, _tool_of(path, rows, tare), form)
             std = payload.std(fall, std[3:])
+            spread = air.steadied, payload.covariance(fall, air.steadied[3:, 3:] / air.samples)
     held = np.zeros((len(path.toolpath), 6))
     if mass:
         arm = None
@@ -154,7 +172,7 @@ def zero_of(
         mean = rows.mean(loads[:, :3] - bias[:3])
         findings.append(_weighed(log, form, mass, mean[seen], held[seen, :3], tared=air is not None))
     known = air is not None or form.bias is not None
-    return Zero(held + bias, bias if known else None, None if air is None else air.noise, tuple(findings), std)
+    return Zero(held + bias, bias if known else None, None if air is None else air.noise, tuple(findings), std, spread)
 
 
 def _air(
@@ -164,7 +182,7 @@ def _air(
     neighbours included: from up to 32 consecutive batches; where those are few the scatter of the samples themselves, which
     such a correlation hides from, stands in for what is missing to FEW, and where they are few too, that of neighbours on the
     other moves in the air (N,)."""
-    means, falls, each, squares, degrees, scatter = [], [], [], np.zeros(6), 0, np.zeros(6)
+    means, falls, each, squares, degrees, scatter = [], [], [], np.zeros((6, 6)), 0, np.zeros((6, 6))
     rest = 0
     for first, last in tare:
         if last >= len(fall):
@@ -180,30 +198,31 @@ def _air(
         means.append(np.average(load, axis=0, weights=samples))
         falls.append(np.average(fall[rows.target[inside]], axis=0, weights=samples))
         batches = np.array_split(np.arange(len(inside)), min(32, max(len(inside) // 4, 1)))
-        scatter += samples @ (load - means[-1]) ** 2
+        scatter += ((load - means[-1]).T * samples) @ (load - means[-1])
         each.append(float(samples.sum()))
         rest += len(inside) - 1
         if len(batches) > 1:
             of_batch = np.array([np.average(load[batch], axis=0, weights=samples[batch]) for batch in batches])
-            squares += ((of_batch - of_batch.mean(axis=0)) ** 2).sum(axis=0) * samples.sum() / len(batches)
+            off = of_batch - of_batch.mean(axis=0)
+            squares += off.T @ off * samples.sum() / len(batches)
             degrees += len(batches) - 1
     beside = _beside(loads, rows, in_air) if rest < FEW else None
     if beside is not None:
         scatter, rest = scatter + (FEW - rest) * beside, FEW
     missing = max(FEW - degrees, 0)
-    noise = np.sqrt((squares + missing * scatter / max(rest, 1)) / (degrees + missing))
-    return Air(np.array(means), np.array(falls), noise, np.array(each))
+    covariance = (squares + missing * scatter / max(rest, 1)) / (degrees + missing)
+    return Air(np.array(means), np.array(falls), covariance, degrees + missing, np.array(each))
 
 
 def _beside(loads: Array, rows: TargetRows, in_air: NDArray[np.bool_]) -> Array | None:
-    """Variance (6,) of one sample by how far rows that follow each other on moves in the air differ, in the middle: what
+    """Variances (6, 6) of one sample by how far rows that follow each other on moves in the air differ, in the middle: what
     drifts, or touches, is no noise. Targets (N,) reached and left in the air; None where there are too few."""
     calm = (in_air & np.append(in_air[1:], True))[rows.target]
     pairs = np.flatnonzero(calm[1:] & calm[:-1])
     if len(pairs) < FEW:
         return None
     steps = np.abs(of_six(loads[pairs + 1] - loads[pairs]))
-    return np.asarray(0.5 * np.mean(rows.weight[pairs]) * (np.median(steps, axis=0) / MEDIAN) ** 2)
+    return np.diag(0.5 * np.mean(rows.weight[pairs]) * (np.median(steps, axis=0) / MEDIAN) ** 2)
 
 
 def _answered(doubts: list[Finding], *, trusted: bool) -> list[Finding]:

@@ -11,11 +11,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from compensator.forces.driven_moves import _agreed, _fewest_turns, _fitting, _of_text, _open, as_driven
+from compensator.forces import driven_moves
+from compensator.forces.driven_moves import _agreed, _each_way, _fewest_turns, _fitting, _of_text, _open, _promising, as_driven
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Way
-from identification.common.findings import CompstiffError
+from identification.common.findings import CompstiffError, Finding
 from identification.model.cell_file import ForceLogFile
 from tests.compensator.forces.test_contract_placement import log_text
 from tests.compensator.path.test_laws_timing import lines, program
@@ -122,6 +123,62 @@ def test_positions_tell_which_way_was_driven(text: RobotPath, tmp_path: Path, or
     found = as_driven(log, path)
     expected = by_text(place) if order is STRAIGHT else place
     np.testing.assert_allclose(1e3 * found.log.place, expected, atol=1e-3)
+
+
+def turned(*turns: int | None, stated: bool = False) -> Way:
+    return Way(STRAIGHT, WITHOUT, stated, turns)
+
+
+@pytest.mark.parametrize("key", ["time", "path_mm"])
+@pytest.mark.parametrize("count", [8, 9])
+def test_by_time_alone_loops_of_more_than_two_turns_are_not_tried(
+    text: RobotPath, monkeypatch: pytest.MonkeyPatch, key: str, count: int
+) -> None:
+    """But where the file states them; of more than eight ways those that a quick look leaves."""
+    few = [turned(2, None), turned(3, 1, stated=True), turned(None), *[turned(1, 2)] * (count - 3)]
+    path, tried = along_ways(text, turned(3), *few, turned(None, 4)), []
+    monkeypatch.setattr(driven_moves, "_along", lambda log, path, way: tried.append(way))
+    monkeypatch.setattr(driven_moves, "_promising", lambda log, path, ways: ways[:2])
+    assert list(_each_way(cast("Any", SimpleNamespace(key=key)), path)) == []
+    expected = list(path.toolpath.ways) if key != "time" else few[:2] if count > 8 else few
+    assert [id(way) for way in tried] == [id(way) for way in expected]
+
+
+@pytest.mark.parametrize(("promised", "stated", "kept"), [
+    ((0.9, 0.61, 0.59, 0.2), (), (0, 1)), ((0.2, 0.9, 0.59, 0.61), (2,), (1, 2, 3)), ((0.2, None, 0.51, 0.0), (), (2,)),
+    ((0.31, None, 0.5, 0.19), (), (0, 2)), ((0.29, None, 0.2, 0.1), (), (0, 1, 2, 3)),
+    ((0.8, 0.81, 0.82, 0.83, 0.84, 0.85, 0.86, 0.87, 0.88, 0.89), (0,), (0, 2, 3, 4, 5, 6, 7, 8, 9)),
+    ((0.7,) * 10, (), range(8))])
+def test_a_quick_look_leaves_the_eight_best_that_are_near_the_best(
+    text: RobotPath, monkeypatch: pytest.MonkeyPatch, promised: tuple[float | None, ...], stated: tuple[int, ...],
+    kept: tuple[int, ...]
+) -> None:
+    """By 0.3 of what the force varies by; what has no time promises nothing, and what the file states is kept."""
+    ways = [turned(None, stated=k in stated) for k in range(len(promised))]
+    look = iter(promised)
+
+    def promise(log: ForceLog, path: RobotPath) -> float:
+        found = next(look)
+        if found is None:
+            raise CompstiffError(Finding("CS3060", "error", "a move without known time"))
+        return found
+
+    monkeypatch.setattr(driven_moves, "promise_by_time", promise)
+    found = _promising(cast("Any", SimpleNamespace(key="time")), text, ways)
+    assert [id(way) for way in found] == [id(ways[k]) for k in kept]
+
+
+@pytest.mark.parametrize(("means", "beside", "by_order"), [("ahead", (), True), ("ahead", (6,), False), ("nearest", (), False)])
+def test_a_log_that_names_a_target_which_no_call_leads_to_is_of_the_text(
+    text: RobotPath, tmp_path: Path, means: Any, beside: tuple[int, ...], by_order: bool
+) -> None:
+    """Else the way to the target ahead begins at the one that is driven before it."""
+    order = np.array([*range(8, 16), *range(6)])
+    form = replace(text.cell.force_log, form=text.cell.force_log.form.model_copy(update={"target": means}))
+    path = replace(text, toolpath=replace(text.toolpath, driven=order), cell=replace(text.cell, force_log=form))
+    number = np.repeat([8, 9, 10, 0, 1, *beside], 3)
+    found = as_driven(logged(tmp_path, number, "target"), path)
+    assert np.array_equal(found.order, order if by_order else np.arange(16))
 
 
 def test_ways_that_cannot_be_followed_leave_the_order_of_the_text(text: RobotPath, tmp_path: Path) -> None:

@@ -110,6 +110,33 @@ def test_a_log_of_the_cuts_alone() -> None:
     assert np.max(np.abs(follow(points, along(points, places)) - places)) < 1e-4
 
 
+def test_a_log_that_starts_where_passes_cross_is_of_the_one_that_it_goes_on_along() -> None:
+    """From the first sample on, though by noise that lies on the other pass; of two passes on one line it is the first."""
+    points = np.array([[-0.1, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0, -0.1, 0.0]])
+    places = np.linspace(0.5, 0.58, 400)
+    samples = along(points, places)
+    samples[0, 0] += 1e-4
+    assert_allclose(follow(points, samples), places, atol=1e-9)
+    twice = np.array([[0, 0, 0], [0.1, 0, 0], [0.1, 0, 0.05], [0, 0, 0.05], [0, 0, 0], [0.1, 0, 0]])
+    assert_allclose(follow(twice, along(twice, places - 0.48)), places - 0.48, atol=1e-9)
+
+
+@pytest.mark.parametrize("left_out", [1, 2])
+def test_what_a_log_leaves_out_between_two_places_that_are_one_is_passed_over(left_out: int) -> None:
+    """A way aside and back that the tool did not go: the log walks on, and so little from sample to sample that only a search
+    farther ahead finds it there."""
+    aside = 0.04 * left_out
+    points = np.array([[0, 0, 0], [0.05, 0, 0], [0.05, aside, 0], [0.05, 0, 0], [0.1, 0, 0], [0.1, aside, 0], [0.1, 0, 0],
+                       [0.15, 0, 0.0]])
+    walked = np.linspace(0, 0.15, 1501)
+    found = follow(points, np.column_stack([walked, 0 * walked, 0 * walked]))
+    expected = walked + 2 * aside * (walked > 0.05) + 2 * aside * (walked > 0.1)
+    # Half a millimetre off the path is still on it, and five misses more are nowhere.
+    sure = np.min(np.abs(walked[:, None] - [0.05, 0.1]) > 1.1e-3, axis=1)
+    assert_allclose(found[sure], expected[sure], atol=1e-9)
+    assert np.isfinite(found).all()
+
+
 def test_samples_off_the_path_are_not_placed() -> None:
     points = np.array([[0, 0, 0], [0.1, 0, 0.0]])
     samples = along(points, np.linspace(0, 0.1, 100))

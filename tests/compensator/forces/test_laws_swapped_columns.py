@@ -12,9 +12,9 @@ from pyarrow import parquet
 
 from benchmarks import cut_direction, passes
 from compensator.correction.files import Inputs
-from compensator.forces.cut_direction import travel
+from compensator.forces.cut_direction import Travel, travel
 from compensator.forces.placement import place_forces, read_force_log
-from compensator.forces.swapped_columns import swapped_columns
+from compensator.forces.swapped_columns import swapped_columns, turns_over
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from identification.common.arrays import Array
@@ -70,3 +70,29 @@ def test_the_samples_log_with_two_columns_changed(
     said = [one.message for one in found if one.code == "CS3078"]
     assert len(said) == bool(mended)
     assert all(mended in one for one in said)
+
+
+def to_and_fro(axial: Array, weight: Array) -> bool:
+    """Whether forces (4,) [N] along the tool's axis, beside 20 N across it, turn with two moves each way of these weights."""
+    feed = np.array([1.0, 1, -1, -1])[:, None] * np.eye(3)[0]
+    up = np.tile(np.eye(3)[2], (4, 1))
+    cuts = Travel(np.arange(4), feed, np.cross(up, feed), up, weight, np.zeros(4, dtype=np.intp))
+    return turns_over(cuts, axial[:, None] * np.eye(3)[2] + 20.0 * np.eye(3)[1])
+
+
+@pytest.mark.parametrize("metres", [0.003, 1.0, 7.0])
+@pytest.mark.parametrize(("explained", "turns"), [(0.49, False), (0.51, True)])
+def test_half_of_an_axial_force_that_turns_goes_with_the_travel(metres: float, explained: float, turns: bool) -> None:
+    """However long the moves are; the rest of it is of either sign each way."""
+    with_travel, rest = 60 * np.sqrt(explained), 60 * np.sqrt(1 - explained)
+    axial = with_travel * np.array([1.0, 1, -1, -1]) + rest * np.array([1.0, -1, 1, -1])
+    assert to_and_fro(axial, np.full(4, metres)) == turns
+    # A move three times as long counts as three do: the mean of both is what it was, and so is what goes with the travel.
+    assert to_and_fro(axial, metres * np.array([3.0, 3, 3, 3])) == turns
+
+
+@pytest.mark.parametrize(("axial", "mean", "turns"), [
+    # Beside 20 N across it 0.3 of the whole are 6.29 N; its mean under half of its RMS, where it goes with the travel.
+    (6.2, 0.0, False), (6.4, 0.0, True), (60.0, 34.0, True), (60.0, 35.0, False)])
+def test_an_axial_force_that_turns_is_large_and_of_either_sign(axial: float, mean: float, turns: bool) -> None:
+    assert to_and_fro(axial * np.array([1.0, 1, -1, -1]) + mean, np.array([0.5, 1.5, 1.0, 1.0])) == turns

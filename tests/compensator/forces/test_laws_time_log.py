@@ -13,7 +13,7 @@ from compensator.forces.alignment_regression import binned
 from compensator.forces.alignment_search import promise
 from compensator.forces.program_time import ProgramTime, program_time
 from compensator.forces.time_alignment import TimeAlignment
-from compensator.forces.time_log import _check_times, _not_believed, _odd_stretch, promise_by_time
+from compensator.forces.time_log import _check_times, _not_believed, _odd_stretch, place_by_time, promise_by_time
 from identification.common.findings import CompstiffError
 from tests.compensator.path.test_laws_timing import lines, program
 
@@ -126,4 +126,9 @@ def test_a_quick_look_takes_four_bins_a_cut(tmp_path: Path, cuts: int, bins: int
     force = np.where(timed.air[there], 0.0, 100.0)[:, None] * np.array([1.0, 0.5, -0.2])
     log = log_of(time + 50.0, force)
     assert promise_by_time(log, path) == pytest.approx(promise(timed, binned(time + 50.0, force, time[-1] / bins)))
-    assert promise_by_time(log, program(tmp_path, moves[:1])) == 0.0
+    still = program(tmp_path, moves[:1])
+    assert promise_by_time(log, still) == 0.0
+    with pytest.raises(CompstiffError) as stopped:
+        place_by_time(log, still)
+    assert [(one.code, one.message, one.file) for one in stopped.value.findings] == [
+        ("CS3063", "the program takes no time: it has no move of known length", "log.csv")]

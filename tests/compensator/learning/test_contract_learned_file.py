@@ -192,13 +192,13 @@ def test_what_is_no_learned_file_is_refused(tmp_path: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize(("part", "name", "most", "least"), [
-    ("job", "radius_mm", 1e5, 0.0), ("job", "duration_s", 1e9, -1.0), ("remainder", "length_mm", 1e6, 0.0),
-    ("remainder", "amplitude_um", 1e5, -1.0)])
+    ("job", "radius_mm", 1e5, 0.0), ("job", "duration_s", 1e9, -1e-9), ("remainder", "length_mm", 1e6, 0.0),
+    ("remainder", "amplitude_um", 1e5, -1e-9)])
 def test_sizes_that_no_job_has_are_refused(tmp_path: Path, part: str, name: str, most: float, least: float) -> None:
-    """Just beyond the largest, and what is none; the largest itself is read."""
+    """Just beyond the largest, and what is none; the largest itself is read, and so is a time or an amplitude of nothing."""
     cell, file = read_cell(write_cell(tmp_path)), tmp_path / "learned.json"
     content = learned_json(learned(), cell)
-    for value, words in ((most, ""), (1.1 * most, f"{part}.{name}: Input should be less than or equal to"),
+    for value, words in ((most, ""), (least + 1e-9, ""), (1.1 * most, f"{part}.{name}: Input should be less than or equal to"),
                          (least, f"{part}.{name}: Input should be greater than")):
         content[part][name] = value
         file.write_text(json.dumps(content))

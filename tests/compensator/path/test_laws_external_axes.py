@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import compstiff
 from compensator.correction.engagement import across_feed
-from compensator.path.external_axes import _share_of_arc, standing_values
+from compensator.path.external_axes import _share_of_arc, external_axes, standing_values
 from compensator.path.legs import Poses, build_legs
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.path.route import joint_rates
@@ -118,6 +118,37 @@ def test_where_the_axes_stand(tmp_path: Path) -> None:
     arc = kit_share(path)
     np.testing.assert_allclose(values[:, 0], [10, 20, 20 + arc * 20, 40, 50, 50, 50, 70])
     np.testing.assert_array_equal(values[:, 5], external[:, 5])
+
+
+def test_on_an_arc_from_one_side_of_the_zero_to_the_other_the_axis_passes_it(tmp_path: Path) -> None:
+    """As much on the one side as on the other is not the same value."""
+    path = planned(CarriedJob(tmp_path, ARCS, on="slide"))
+    external = np.full((len(path.toolpath), 6), np.nan)
+    external[:, 0] = [-20.0, -20.0, np.nan, *[20.0] * (len(path.toolpath) - 3)]
+    values = standing_values(replace(path.toolpath, external=external), path.cell)
+    assert values[2, 0] == pytest.approx(-20 + 40 * kit_share(path))
+
+
+def test_what_nobody_knows_counts_as_the_first_value_known_and_is_named(tmp_path: Path) -> None:
+    """A track of which the program tells from the third target on, and cell.yaml nothing: where the first two lie is not
+    known, and the resting frame is that of the third."""
+    path = planned(CarriedJob(tmp_path, LINES, on="slide"))
+    count = len(path.toolpath)
+    external = np.full((count, 6), np.nan)
+    external[2:, 0] = 30.0 + 10 * np.arange(count - 2)
+    axes = external_axes(replace(path.toolpath, external=external), path.cell)
+    np.testing.assert_array_equal(axes.values[:, 0], [30.0, 30.0, *external[2:, 0]])
+    assert axes.rest[0] == 30.0
+    assert [bool(why) for why in axes.problem] == [True, True, *[False] * (count - 2)]
+    [unit] = path.cell.units or ()
+    assert set(axes.problem[:2]) == {
+        f"{unit.name} carries the robot, and nothing tells where {unit.axes[0].name} stands: neither the program before it nor "
+        "parked_mm or parked_deg in cell.yaml"}
+    assert axes.base_from_rest is not None
+    way = unit.displacement(axes.values)[2:].position - unit.displacement(axes.rest[None]).position
+    np.testing.assert_allclose(np.linalg.norm(way, axis=1), 0.01 * np.arange(count - 2), atol=1e-12)
+    still = external_axes(replace(path.toolpath, external=np.where(np.isnan(external), np.nan, 30.0)), path.cell)
+    assert (still.moves, still.base_moves) == (False, False)
 
 
 def kit_share(path: RobotPath) -> float:
