@@ -88,7 +88,8 @@ def test_a_leap_is_sure_beside_what_nothing_explains(tmp_path: Path, wave: float
 
 
 def test_of_causes_that_do_not_explain_the_rest_the_leap_alone_is_sure(tmp_path: Path) -> None:
-    """An encoder that is late by 0.9 ms and a law of no dictionary: what is likely beside the leap stays open, each cause once."""
+    """An encoder that is late by 0.9 ms and a law of no dictionary: what is likely beside the leap stays open, each
+    cause once."""
     values = columns(405, {"channel_delay": 0.3}, seconds=5, noise=2e-6)
     values["q2_link_deg"] = values["q2_link_deg"] - np.degrees(1e-4 * np.sin(values["q2_torque_nm"] / 150.0))
     one = diagnose_axes([log_of(tmp_path / "log.csv", slipped(values, 6e-4, 2.7))], replicates=19)[0]
