@@ -343,17 +343,21 @@ def test_scatter_is_told_with_its_size_and_is_no_displacement(
     assert headline in diagnosis_report(said)
 
 
-@pytest.mark.parametrize("links", [True, False])
-def test_a_robot_without_links_is_said_with_what_was_tried(adequate: Diagnosis, links: bool) -> None:
-    """The sentence is about the robot file."""
+@pytest.mark.parametrize(("links", "lever", "joints"), [
+    (True, 0.3, ""), (False, 0.051, "2, 3, 4, 5, 6"), (False, 0.049, "2, 3, 4, 5"), (False, -0.3, "2, 3, 4, 5, 6")])
+def test_a_robot_without_links_is_said_with_what_was_tried(adequate: Diagnosis, links: bool, lever: float, joints: str) -> None:
+    """The sentence is about the robot file. The last gear has a weight on it where the TCP is beside its axis: from a twentieth
+    of the lever on."""
     plain = adequate.judgement.plain
     mass, centre = (np.ones(6), np.zeros((6, 3))) if links else (None, None)
     model = replace(adequate.cell.robot, link_mass=mass, link_centre=centre)
     known = replace(plain, data=replace(plain.data, cell=replace(plain.data.cell, robot=model)))
+    vars(known.load_state)["hung_on_flange"] = known.load_state.hung_on_flange * [1, 1, 1, 1, 1, 0]
+    known.load_state.hung_on_flange[3, 5] = lever
     found = [one for one in judged(adequate, plain=known, extended=known, showing=()).findings if one.code == "CS1404"]
     assert [(one.level, one.file, one.message) for one in found] == [
         ("note", str(model.source), "the robot file has no links: what gravity holds gears to is not known, so backlash and "
-         "soft zones of joints 2 to 5 were tried without it and under many weights")][: not links]
+         f"soft zones of joints {joints} were tried without it and under many weights")][: not links]
 
 
 def test_a_cause_whose_fit_was_lost_is_said(adequate: Diagnosis) -> None:
