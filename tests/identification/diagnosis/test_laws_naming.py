@@ -54,7 +54,7 @@ def test_what_a_plainer_effect_explains_better_is_that_one(monkeypatch: pytest.M
 
 
 def test_of_two_effects_each_gives_way_to_its_plainer_kin(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Force sensor and deflection sensor both turned, both first seen as cross-talk: the rows are likelier with either turn, and
+    """Force sensor and deflection sensor both turned, both first seen as cross-talk: the rows are likelier with either turn,
     likeliest with both; each takes the place of its own."""
     def entry(name: str, number: int) -> Any:
         effect = SimpleNamespace(label=name, neutral=lambda state: np.zeros(1), typical=lambda state, joint: np.ones(1))
