@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,18 @@ def test_what_has_no_name_is_rejected_unless_a_candidate_is_carried(
     assert "reliable" not in model.grades
     assert len(model.effects) == carried
     assert bool(model.rejected) is not carried
+
+
+def test_what_cannot_be_told_apart_names_a_mistake_in_the_table_and_says_how_many_more_there_are(plain: Posterior) -> None:
+    """Who mills with the likeliest is told that the forces may be in another unit, too."""
+    mistake: Any = SimpleNamespace(key="force_unit[kgf]")
+    names = (("backlash", 2), *(("soft_zone", joint) for joint in range(1, 6)))
+    for count, seen in ((1, "backlash of joint 2 or force unit kgf"), (4, (
+            "backlash of joint 2 or soft zone of joint 1 or soft zone of joint 2 or soft zone of joint 3 or force unit kgf")), (
+            6, "backlash of joint 2 or soft zone of joint 1 or soft zone of joint 2 or soft zone of joint 3 or force unit kgf or "
+               "2 more")):
+        model = extended_model(judged(plain, "ambiguous", None, *names[:count], mistakes=(mistake,)))
+        assert model.fit["model_check"]["seen"] == f"{seen}: the data cannot tell which"
 
 
 @pytest.mark.parametrize("verdict", ["named", "ambiguous"])
