@@ -100,11 +100,10 @@ def test_what_cannot_be_told_apart_names_a_mistake_in_the_table_and_says_how_man
     """Who mills with the likeliest is told that the forces may be in another unit, too."""
     mistake: Any = SimpleNamespace(key="force_unit[kgf]")
     names = (("backlash", 2), *(("soft_zone", joint) for joint in range(1, 6)))
-    for count, seen in ((1, "backlash of joint 2 or force unit kgf"), (4, (
-            "backlash of joint 2 or soft zone of joint 1 or soft zone of joint 2 or soft zone of joint 3 or force unit kgf")), (
-            6, "backlash of joint 2 or soft zone of joint 1 or soft zone of joint 2 or soft zone of joint 3 or force unit kgf or "
-               "2 more")):
+    told = ["backlash of joint 2", *(f"soft zone of joint {joint}" for joint in (1, 2, 3))]
+    for count, more in ((1, []), (4, []), (6, ["2 more"])):
         model = extended_model(judged(plain, "ambiguous", None, *names[:count], mistakes=(mistake,)))
+        seen = " or ".join([*told[:count], "force unit kgf", *more])
         assert model.fit["model_check"]["seen"] == f"{seen}: the data cannot tell which"
 
 

@@ -13,7 +13,7 @@ from scipy.linalg import null_space
 from scipy.optimize import minimize
 from scipy.stats import chi2, multivariate_normal
 
-from identification.diagnosis.swing import Swing, _groups, _Sizes, swing_of
+from identification.diagnosis.swing import Swing, _groups, _Sizes, _Visits, swing_of
 from identification.fit.load_test import LoadTest
 from identification.model.load_state import LoadState
 from tests.identification.fit.exact_rows import by_compliance
@@ -129,3 +129,19 @@ def test_a_swing_is_found_with_its_size_and_how_seldom_chance_has_it(
     assert found.log_std == pytest.approx(0.05 / np.sqrt(further), rel=0.03)
     quiet: Any = SimpleNamespace(**(vars(fitted) | {"residual": residual - swung}))
     assert swing_of(quiet) is None
+
+
+@pytest.mark.parametrize("loudest", range(6))
+def test_the_visit_that_speaks_most_for_a_swing_is_left_out(loudest: int) -> None:
+    """Of one, two and three visits that each have one number in the noise of a sensor and of a swing: the largest, nine times
+    as large as the others."""
+    values = np.where(np.arange(6) == loudest, 9.0, [1.0, 1.01, 1.02, 1.03, 1.04, 1.05])
+    groups = tuple(_Visits(each[:, None], np.tile(np.array([1.0, 0, 0, 1])[:, None, None], (len(each), 1, 1, 1)))
+                   for each in np.split(values, [1, 3]))
+    sizes = _Sizes(groups, np.log([1.0, 0.5, 0.005, 1.0]))
+    vars(sizes).update(without=(np.zeros(3), 0.0), best=(np.zeros(4), 0.0))
+    left = sizes.without_loudest()
+    assert np.concatenate([group.values[:, 0] for group in left.groups]).tolist() == np.delete(values, loudest).tolist()
+    assert [len(group.values) for group in left.groups] == [len(group.parts) for group in left.groups]
+    assert len(left.groups) == (2 if loudest == 0 else 3)
+    np.testing.assert_array_equal(left.start, sizes.start)
