@@ -224,10 +224,12 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
     if judgement.verdict == "ambiguous":
         labels = [*(cause.label for cause in judgement.alternatives[:6]), *(mistake.key for mistake in judgement.mistakes)]
         more = len(judgement.alternatives[6:])
+        hint = ("compstiff design --add 3 MEASUREMENTS --diagnosis DIAGNOSIS plans loads that tell them apart; compstiff "
+                "explain NAME tells a check without a load") if judgement.loads_settle else (
+                    "do the checks: no load tells a mistake in a file from a cause, or from another mistake")
         findings.append(Finding("CS1402", "warning", "the data cannot tell several causes apart: "
                                 f"{', '.join(map(cause_words, labels))}{f', and {more} more' if more else ''}", file=source,
-                                hint="compstiff design --add 3 MEASUREMENTS --diagnosis DIAGNOSIS plans loads that tell them "
-                                     "apart; compstiff explain NAME tells a check without a load"))
+                                hint=hint))
     if judgement.verdict in ("adequate", "named"):
         findings += not_independent(judgement.extended)
     findings += [*_visit_findings(judgement), *moving_zero(judgement.extended),

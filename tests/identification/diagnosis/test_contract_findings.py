@@ -41,6 +41,7 @@ from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.effects import effects
 from identification.model.effects.kinds import NO_TRACK
+from tests.support import compstiff
 from tests.virtual_cell.cell import simulate
 
 
@@ -321,6 +322,36 @@ def test_a_mistake_in_the_files_is_the_report_s_headline(adequate: Diagnosis) ->
         first, second = steps_of(found)
         assert first.words == "Check: look at the sensor's data sheet (force unit kgf)."
         assert second.command.endswith("-o diagnosis.json --mend MENDED --force")
+
+
+@pytest.mark.parametrize(("causes", "mistakes", "loads"), [(2, 0, True), (2, 1, True), (1, 1, False), (0, 2, False)])
+def test_no_load_is_planned_to_tell_a_mistake_in_a_file_from_a_cause(
+        adequate: Diagnosis, monkeypatch: pytest.MonkeyPatch, causes: int, mistakes: int, loads: bool) -> None:
+    """Nor from another mistake: the checks come first, in the hint, in the report and behind the answer. `design` would have
+    no rivals to plan loads for."""
+    every = []
+    for key in ("force_unit[kgf]", "reading_sign"):
+        mistake = Mistake(key, f"{key} in {{rows}}", f"look at {key}", "table", lambda data: data)
+        candidate = Candidate(mistake, adequate.judgement.plain.data, None, (), 0.0, np.zeros((1, 3)))
+        every.append(NamedMistake(candidate, 0.5, 3.0, 0.9, 9e-6, 5e-6, 120))
+    found = judged(adequate, verdict="ambiguous", mistakes=tuple(every[:mistakes]), showing=(), alternatives=tuple(
+        Cause(effects()[name], joint, 0.5) for name, joint in (("backlash", 2), ("creep", None))[:causes]))
+    (said,) = [one for one in found.findings if one.code == "CS1402"]
+    assert ("design --add 3" in said.hint) is loads
+    assert ("no load tells a mistake in a file from a cause" in said.hint) is not loads
+    steps = steps_of(found)
+    assert any(" design " in step.command for step in steps) is loads
+    assert [step.words.startswith("Check: ") for step in steps] == (
+        [False] + [True] * (causes + mistakes) if loads else [True] * (causes + mistakes) + [False])
+    if not loads:
+        assert " diagnose " in steps[-1].command
+        assert steps[-1].words == "Mend the file, if it is one, then diagnose again:"
+    monkeypatch.setattr("identification.diagnosis.diagnose.judge", lambda *of, **more: found.judgement)
+    folder = Path(adequate.measurements.source).parent
+    told = compstiff("diagnose", adequate.cell.source, adequate.measurements.source, "-o", folder / "found.json", "--force")
+    following = told.stderr.split("next: ")[-1]
+    assert (" design " in following) is loads
+    assert following.startswith("do the checks above, mend the file if it is one, then compstiff diagnose ") is not loads
 
 
 @pytest.mark.parametrize(("scatter", "code", "headline", "size", "rows"), [
