@@ -346,6 +346,9 @@ def test_no_load_is_planned_to_tell_a_mistake_in_a_file_from_a_cause(
     if not loads:
         assert " diagnose " in steps[-1].command
         assert steps[-1].words == "Mend the file, if it is one, then diagnose again:"
+        names = [cause.sentence for cause in found.alternatives] + [one.sentence for one in found.judgement.mistakes]
+        page = html.unescape(re.sub(r"<[^>]+>", "", diagnosis_report(found)))
+        assert f"These measurements cannot tell apart: {'; or '.join(names)}. " in page
     monkeypatch.setattr("identification.diagnosis.diagnose.judge", lambda *of, **more: found.judgement)
     folder = Path(adequate.measurements.source).parent
     told = compstiff("diagnose", adequate.cell.source, adequate.measurements.source, "-o", folder / "found.json", "--force")
