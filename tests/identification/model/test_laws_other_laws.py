@@ -121,7 +121,7 @@ def test_an_error_of_the_force_decides_on_which_side_teeth_stand_that_little_tor
     weight that was searched is off by a tenth."""
     force = np.array([[0.0, 240.0, -320.0], [0, 240, -320], [100, 0, 0], [100, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]])
     wrench, jacobian = np.zeros((7, 6)), np.full((7, 6, 6), 9.0)
-    wrench[:, :3], wrench[[1, 5], 4] = force, 30.0
+    wrench[:, :3], wrench[[1, 5], 4] = force, 300.0
     jacobian[:, :3, 2] = [0.3, 0.0, -0.4]
     together = side * np.array([5.9, 6.1, 1.9, 2.1, 1.9, 1.9, 2.1])
     gravity, hung = np.full((7, 6), 50.0), np.full((7, 6), 9.0)
