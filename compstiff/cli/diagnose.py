@@ -116,9 +116,11 @@ def diagnose(
     write_whole(files, overwrite=session.overwrite, read=session.read)
     as_good_as = "named" if diagnosis.judgement.choice_is_small else diagnosis.verdict
     following = _next_after(as_good_as, cell_file, measurements_file, output, diagnosis.measurements.weights)
+    again = call("diagnose", cell_file, measurements_file, "-o", output, "--force")
     if diagnosis.verdict == "named" and diagnosis.judgement.unsettled:
-        again = call("diagnose", cell_file, measurements_file, "-o", output, "--force")
         following = f"warm the robot up, measure again, then {again}"
+    elif diagnosis.verdict == "ambiguous" and not diagnosis.judgement.loads_settle:
+        following = f"do the checks above, mend the file if it is one, then {again}"
     elif extended in files and as_good_as in USABLE:
         following = use_of_stiffnesses(diagnosis.cell.robot, cell_file, extended)
     return Outcome(content, (*diagnosis.findings, *refused), diagnosis.lines(), next_step=following,

@@ -90,12 +90,10 @@ def residual_memory(data: LoadTest) -> AutocorrelationTime:
     longest = AutocorrelationTime(1.0, len(rows))
     for visit in np.unique(rows.visit):
         mine = residual[rows.visit == visit]
-        window = min(SLOW, len(mine) // 4)
-        if window < 8:
-            continue
         for axis in range(3):
             series = mine[~np.isnan(mine[:, axis]), axis]
-            if len(series) < 4 * window:
+            window = min(SLOW, len(series) // 4)
+            if window < 8:
                 continue
             smooth = np.convolve(series, np.ones(window) / window, mode="same")
             fast = (series - smooth)[window // 2: -window // 2]

@@ -18,6 +18,8 @@ from identification.model.effects_in_force import EffectInForce
 from identification.model.gravity import fall_in_base
 from identification.model.stiffness import IdentifiedModel
 
+# Of many causes that cannot be told apart so many are told by name.
+MOST_TOLD = 4
 UNSETTLED = "the springs, or the gain of the force measurement, changed while they were measured: measure again, warmed up"
 
 
@@ -50,7 +52,9 @@ def _check(judgement: Judgement) -> ModelCheck:
     if judgement.verdict in ("adequate", "named"):
         detection = judgement.adequacy or judgement.detection
         return ModelCheck(detection.p_value, judgement.unsettled, UNSETTLED if judgement.unsettled else "")
-    names = " or ".join(cause_words(cause.label) for cause in judgement.alternatives[:4])
+    told, more = judgement.alternatives[:MOST_TOLD], len(judgement.alternatives[MOST_TOLD:])
+    labels = [*(cause.label for cause in told), *(mistake.key for mistake in judgement.mistakes)]
+    names = " or ".join([*map(cause_words, labels), *([f"{more} more"] if more else [])])
     seen = {"ambiguous": f"{names}: the data cannot tell which"}.get(judgement.verdict, "; ".join(judgement.patterns[:2]))
     return ModelCheck(judgement.detection.p_value, judgement.carried is None or judgement.unsettled,
                       seen or "a cause that the dictionary does not have")

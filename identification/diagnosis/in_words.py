@@ -29,7 +29,7 @@ from identification.fit.visit_findings import (
     visit_findings,
 )
 from identification.model.effects import effects
-from identification.model.effects.kinds import OF_THE_KIND
+from identification.model.effects.kinds import OF_THE_KIND, UnderUnknownWeight
 from identification.model.effects_in_force import SPRINGS
 from identification.model.gravity import FREE_FALL
 from identification.model.load_state import PACE_S, LoadState
@@ -224,10 +224,12 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
     if judgement.verdict == "ambiguous":
         labels = [*(cause.label for cause in judgement.alternatives[:6]), *(mistake.key for mistake in judgement.mistakes)]
         more = len(judgement.alternatives[6:])
+        hint = ("compstiff design --add 3 MEASUREMENTS --diagnosis DIAGNOSIS plans loads that tell them apart; compstiff "
+                "explain NAME tells a check without a load") if judgement.loads_settle else (
+                    "do the checks: no load tells a mistake in a file from a cause, or from another mistake")
         findings.append(Finding("CS1402", "warning", "the data cannot tell several causes apart: "
                                 f"{', '.join(map(cause_words, labels))}{f', and {more} more' if more else ''}", file=source,
-                                hint="compstiff design --add 3 MEASUREMENTS --diagnosis DIAGNOSIS plans loads that tell them "
-                                     "apart; compstiff explain NAME tells a check without a load"))
+                                hint=hint))
     if judgement.verdict in ("adequate", "named"):
         findings += not_independent(judgement.extended)
     findings += [*_visit_findings(judgement), *moving_zero(judgement.extended),
@@ -260,9 +262,12 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         findings.append(Finding("CS1403", "warning", needed(part, factor), file=source,
                                 hint="state the noise as it is, or look for what scatters"))
     if robot.link_mass is None:
+        joints = [joint for law in effects()["backlash"].other_laws if isinstance(law, UnderUnknownWeight)
+                  for joint in law.joints if law.turns(judgement.plain.load_state, joint)]
         findings.append(Finding("CS1404", "note", "the robot file has no links: what gravity holds gears to is not known, so "
-                                "backlash and soft zones of joints 2 to 5 were tried without it and under many weights",
-                                file=str(robot.source), hint="add links (mass and centre) to a robot file of your own"))
+                                f"backlash and soft zones of joints {', '.join(map(str, sorted(joints)))} were tried without "
+                                "it and under many weights", file=str(robot.source),
+                                hint="add links (mass and centre) to a robot file of your own"))
     for name, why in judgement.left_out.items():
         if name in effects() and why not in OF_THE_KIND:
             findings.append(Finding("CS1405", "note", f"{cause_words(name)} was not looked for: {why}", file=source))

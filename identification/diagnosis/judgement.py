@@ -174,6 +174,11 @@ class Judgement:
         return self.verdict == "ambiguous" and self.robot_difference < SMALL_CHOICE * rms(np.nan_to_num(self.rows.deflection))
 
     @property
+    def loads_settle(self) -> bool:
+        """Whether further loads tell apart what is open: a cause and a mistake in a file, or two of these, they do not."""
+        return self.verdict == "ambiguous" and len({cause.label for cause in self.alternatives}) > 1
+
+    @property
     def rows(self) -> Measurements:
         """The rows that were fitted (n)."""
         return self.plain.data.rows

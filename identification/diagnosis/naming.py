@@ -142,7 +142,7 @@ def with_plainer_effects(found: Named) -> Named:
             continue
         effect, state = found.seen.dictionary.entries[number].effect, found.fitted.load_state
         kin = Term(effect, None, effect.neutral(state), effect.typical(state, None), effect.neutral(state))
-        terms = [kin if each is term else replace(each, start=values)
+        terms = [kin if each.label == term.label else replace(each, start=values)
                  for each, values in zip(found.fitted.terms, found.fitted.term_values, strict=True)]
         fitted = attempt(found.fitted.data, terms, found.fitted)
         if fitted is not None and log_evidence(fitted) > log_evidence(found.fitted):

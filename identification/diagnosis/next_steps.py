@@ -43,6 +43,8 @@ def steps_of(diagnosis: Diagnosis, extended: Path | None = None) -> list[Step]:
             Step(f"{use_now} with {extended.name}, which {likeliest}:", corrected)] if extended else [
             Step(f"{use_now}: write the file that {likeliest}:", written),
             Step(f"Then {use_it} with it:", corrected)]
+        if not diagnosis.judgement.loads_settle:
+            return [*checks, Step("Mend the file, if it is one, then diagnose again:", call(*again, "--force"))]
         # The loads are what the command plans.
         planned = call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", *weights, "-o", "more.csv")
         if diagnosis.judgement.choice_is_small:

@@ -87,7 +87,7 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
                        f"corrected for it. {sizes[0].upper()}{sizes[1:]} as estimated from the same rows.")
     if diagnosis.verdict == "ambiguous":
         more = len(judgement.alternatives[3:])
-        names = [cause.sentence for cause in judgement.alternatives[:3]] + [one.sentence for one in judgement.mistakes[:1]]
+        names = [cause.sentence for cause in judgement.alternatives[:3]] + [one.sentence for one in judgement.mistakes]
         names += [f"one of {more} more, less likely"] if more else []
         return Verdict("caution", "AMBIGUOUS", f"These measurements cannot tell apart: {'; or '.join(names)}. "
                        f"{sizes[0].upper()}{sizes[1:]}.")

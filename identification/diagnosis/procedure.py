@@ -386,4 +386,5 @@ def beside(judgement: Judgement, mistakes: Mistakes, physics: float) -> Judgemen
         return judgement
     likelier = len(rivals) > 1 and max(each.candidate.log_posterior for each in rivals) > physics + RIVAL
     return replace(judgement, verdict="ambiguous", mistakes=rivals, causes=(), companions=(), gain=None, withdrawn={},
-                   alternatives=() if likelier else causes, carried=None, rivals=())
+                   alternatives=() if likelier else causes, next_loads=() if likelier else judgement.next_loads, carried=None,
+                   rivals=(), robot_difference=None)

@@ -139,8 +139,12 @@ class UnderUnknownWeight(GearTwist):
     def preload(self, rows: LoadState, i: int, values: Array) -> Array:
         return np.asarray(values[-1] * self.hanging(rows)[:, i])
 
+    def turns(self, rows: LoadState, joint: int | None) -> bool:
+        """Whether what hangs there turns the joint's axis anywhere."""
+        return bool(np.abs(self.hanging(rows)[:, self.index(joint)]).max(initial=0.0) >= NO_LEVER)
+
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
-        if np.abs(self.hanging(rows)[:, self.index(joint)]).max(initial=0.0) < NO_LEVER:
+        if not self.turns(rows, joint):
             return []
         return [replace(shape, weight=float(shape.values(np.zeros(len(shape.scale)))[-1]))
                 for shape in super().signatures(rows, joint)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,19 @@ def test_what_has_no_name_is_rejected_unless_a_candidate_is_carried(
     assert "reliable" not in model.grades
     assert len(model.effects) == carried
     assert bool(model.rejected) is not carried
+
+
+def test_what_cannot_be_told_apart_names_mistakes_in_the_table_and_says_how_many_more_there_are(plain: Posterior) -> None:
+    """Also where there are mistakes alone: the forces may be in another unit, or the readings turned round."""
+    unit, sign = (SimpleNamespace(key=key) for key in ("force_unit[kgf]", "reading_sign"))
+    names = (("backlash", 2), *(("soft_zone", joint) for joint in range(1, 6)))
+    causes = ["backlash of joint 2", *(f"soft zone of joint {joint}" for joint in (1, 2, 3))]
+    cases: list[tuple[int, list[Any], list[str]]] = [(1, [unit], ["force unit kgf"]), (4, [unit], ["force unit kgf"]), (
+        6, [], ["2 more"]), (6, [unit], ["force unit kgf", "2 more"]), (0, [unit, sign], ["force unit kgf", "reading sign"])]
+    for count, mistakes, further in cases:
+        model = extended_model(judged(plain, "ambiguous", None, *names[:count], mistakes=tuple(mistakes)))
+        seen = " or ".join([*causes[:count], *further])
+        assert model.fit["model_check"] == {"p_value": 0.011, "rejected": True, "seen": f"{seen}: the data cannot tell which"}
 
 
 @pytest.mark.parametrize("verdict", ["named", "ambiguous"])

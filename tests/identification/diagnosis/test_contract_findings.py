@@ -41,6 +41,7 @@ from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.effects import effects
 from identification.model.effects.kinds import NO_TRACK
+from tests.support import compstiff
 from tests.virtual_cell.cell import simulate
 
 
@@ -323,6 +324,39 @@ def test_a_mistake_in_the_files_is_the_report_s_headline(adequate: Diagnosis) ->
         assert second.command.endswith("-o diagnosis.json --mend MENDED --force")
 
 
+@pytest.mark.parametrize(("causes", "mistakes", "loads"), [(2, 0, True), (2, 1, True), (1, 1, False), (0, 2, False)])
+def test_no_load_is_planned_to_tell_a_mistake_in_a_file_from_a_cause(
+        adequate: Diagnosis, monkeypatch: pytest.MonkeyPatch, causes: int, mistakes: int, loads: bool) -> None:
+    """Nor from another mistake: the checks come first, in the hint, in the report and behind the answer. `design` would have
+    no rivals to plan loads for."""
+    every = []
+    for key in ("force_unit[kgf]", "reading_sign"):
+        mistake = Mistake(key, f"{key} in {{rows}}", f"look at {key}", "table", lambda data: data)
+        candidate = Candidate(mistake, adequate.judgement.plain.data, None, (), 0.0, np.zeros((1, 3)))
+        every.append(NamedMistake(candidate, 0.5, 3.0, 0.9, 9e-6, 5e-6, 120))
+    found = judged(adequate, verdict="ambiguous", mistakes=tuple(every[:mistakes]), showing=(), alternatives=tuple(
+        Cause(effects()[name], joint, 0.5) for name, joint in (("backlash", 2), ("creep", None))[:causes]))
+    (said,) = [one for one in found.findings if one.code == "CS1402"]
+    assert ("design --add 3" in said.hint) is loads
+    assert ("no load tells a mistake in a file from a cause" in said.hint) is not loads
+    steps = steps_of(found)
+    assert any(" design " in step.command for step in steps) is loads
+    assert [step.words.startswith("Check: ") for step in steps] == (
+        [False] + [True] * (causes + mistakes) if loads else [True] * (causes + mistakes) + [False])
+    if not loads:
+        assert " diagnose " in steps[-1].command
+        assert steps[-1].words == "Mend the file, if it is one, then diagnose again:"
+        names = [cause.sentence for cause in found.alternatives] + [one.sentence for one in found.judgement.mistakes]
+        page = html.unescape(re.sub(r"<[^>]+>", "", diagnosis_report(found)))
+        assert f"These measurements cannot tell apart: {'; or '.join(names)}. " in page
+    monkeypatch.setattr("identification.diagnosis.diagnose.judge", lambda *of, **more: found.judgement)
+    folder = Path(adequate.measurements.source).parent
+    told = compstiff("diagnose", adequate.cell.source, adequate.measurements.source, "-o", folder / "found.json", "--force")
+    following = told.stderr.split("next: ")[-1]
+    assert (" design " in following) is loads
+    assert following.startswith("do the checks above, mend the file if it is one, then compstiff diagnose ") is not loads
+
+
 @pytest.mark.parametrize(("scatter", "code", "headline", "size", "rows"), [
     (Swing(0.02, 0.25, 1e-4, 3e-5), "CS1511", "WEIGHTS SWUNG", "side forces of 2 % of the load", "the rows"),
     (Unsettled(7e-6, 0.25, 1e-4, 3e-5), "CS1410", "ZERO READINGS LIE ASIDE", "by 7 um", "the zero readings")])
@@ -343,17 +377,21 @@ def test_scatter_is_told_with_its_size_and_is_no_displacement(
     assert headline in diagnosis_report(said)
 
 
-@pytest.mark.parametrize("links", [True, False])
-def test_a_robot_without_links_is_said_with_what_was_tried(adequate: Diagnosis, links: bool) -> None:
-    """The sentence is about the robot file."""
+@pytest.mark.parametrize(("links", "lever", "joints"), [
+    (True, 0.3, ""), (False, 0.051, "2, 3, 4, 5, 6"), (False, 0.049, "2, 3, 4, 5"), (False, -0.3, "2, 3, 4, 5, 6")])
+def test_a_robot_without_links_is_said_with_what_was_tried(adequate: Diagnosis, links: bool, lever: float, joints: str) -> None:
+    """The sentence is about the robot file. The last gear has a weight on it where the TCP is beside its axis: from a twentieth
+    of the lever on."""
     plain = adequate.judgement.plain
     mass, centre = (np.ones(6), np.zeros((6, 3))) if links else (None, None)
     model = replace(adequate.cell.robot, link_mass=mass, link_centre=centre)
     known = replace(plain, data=replace(plain.data, cell=replace(plain.data.cell, robot=model)))
+    vars(known.load_state)["hung_on_flange"] = known.load_state.hung_on_flange * [1, 1, 1, 1, 1, 0]
+    known.load_state.hung_on_flange[3, 5] = lever
     found = [one for one in judged(adequate, plain=known, extended=known, showing=()).findings if one.code == "CS1404"]
     assert [(one.level, one.file, one.message) for one in found] == [
         ("note", str(model.source), "the robot file has no links: what gravity holds gears to is not known, so backlash and "
-         "soft zones of joints 2 to 5 were tried without it and under many weights")][: not links]
+         f"soft zones of joints {joints} were tried without it and under many weights")][: not links]
 
 
 def test_a_cause_whose_fit_was_lost_is_said(adequate: Diagnosis) -> None:

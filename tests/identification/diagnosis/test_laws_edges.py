@@ -72,6 +72,9 @@ def test_zeros_that_lie_aside_are_rarer_by_chance_than_one_in_a_thousand(chance:
     if found is not None:
         assert found.p_value == pytest.approx(chance)
         assert found.size == pytest.approx(SIGMA * np.sqrt(aside**2 - VARIANCE))
+        # A mean square of 18 numbers is known to a third, its root to a sixth; of that the scatter is a part.
+        assert found.log_std == pytest.approx(1 / 6 / (1 - VARIANCE / aside**2))
+        assert found.largest == found.size
 
 
 @pytest.mark.parametrize(("chance", "seen"), [(0.011, False), (0.009, True)])
@@ -85,15 +88,29 @@ def test_zeros_lie_aside_at_four_poses(count: int, seen: bool) -> None:
     assert (unsettled_zero_of(poses([9.0] * count)) is not None) is seen
 
 
-@pytest.mark.parametrize("lost", [(0, 1), (3, 4, 5), (2, 3, 4, 5)])
-def test_a_pose_without_zeros_or_without_loads_to_hold_them_against_says_nothing_of_zeros(lost: tuple[int, ...]) -> None:
-    """No reading of two that lost them, or one load or none is left of four: what the other five say stands."""
+@pytest.mark.parametrize("place", [0, 5])
+@pytest.mark.parametrize("lost", [(0, 1), (4, 5), (3, 4, 5), (2, 3, 4, 5), ()])
+def test_a_pose_without_zeros_or_without_loads_to_hold_them_against_says_nothing_of_zeros(
+        lost: tuple[int, ...], place: int) -> None:
+    """No reading of two that lost them, or two loads or fewer are left of four, or all push one way: what the other five say
+    stands, those behind it too."""
     whole, spoiled = unsettled_zero_of(poses([9.0] * 5)), poses([9.0] * 6)
-    spoiled.residual[30 + np.array(lost)] = np.nan
+    spoiled.residual[6 * place + np.array(lost, dtype=np.intp)] = np.nan
+    if not lost:
+        spoiled.data.rows.wrench[6 * place: 6 * place + 6, 2] = [0.0, 0.0, 200.0, 210.0, 220.0, 230.0]
     found = unsettled_zero_of(spoiled)
     assert whole is not None
     assert found is not None
     assert (found.size, found.p_value) == (pytest.approx(whole.size), pytest.approx(whole.p_value))
+
+
+def test_three_loads_that_cancel_leave_a_degree_to_hold_zeros_against() -> None:
+    """The pose speaks as the others do: so much of six is rarer than of five."""
+    five, six = poses([9.0] * 5), poses([9.0] * 6)
+    six.residual[5] = np.nan
+    told = [found.p_value for found in map(unsettled_zero_of, (five, six)) if found is not None]
+    assert len(told) == 2
+    assert told[1] < 0.2 * told[0]
 
 
 @pytest.mark.parametrize(("squared", "seen"), [(0.9, True), (1.1, False)])

@@ -53,6 +53,33 @@ def test_what_a_plainer_effect_explains_better_is_that_one(monkeypatch: pytest.M
         assert [(set(each.entries), pytest.approx(each.probability)) for each in plain.seen.hypotheses] == sets
 
 
+def test_of_two_effects_each_gives_way_to_its_plainer_kin(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Force sensor and deflection sensor both turned, both first seen as cross-talk: the rows are likelier with either turn,
+    likeliest with both; each takes the place of its own."""
+    def entry(name: str, number: int) -> Any:
+        effect = SimpleNamespace(label=name, neutral=lambda state: np.zeros(1), typical=lambda state, joint: np.ones(1))
+        return SimpleNamespace(label=name, effect=effect, signatures=range(number, number + 1))
+
+    def fit(*terms: Any) -> Any:
+        value = sum(term.label.endswith("turn") for term in terms) - 9.0
+        return SimpleNamespace(terms=terms, term_values=(np.ones(1),) * len(terms), load_state=None, data=None, value=value)
+
+    names = ("force cross-talk", "force turn", "reading cross-talk", "reading turn")
+    entries = [entry(name, number) for number, name in enumerate(names)]
+    wide = [SimpleNamespace(label=names[k], effect=SimpleNamespace(plainer=names[k + 1])) for k in (0, 2)]
+    monkeypatch.setattr(naming, "Term", lambda effect, *_: SimpleNamespace(label=effect.label, effect=effect))
+    monkeypatch.setattr(naming, "replace", lambda each, **given: replace(each, **given) if isinstance(
+        each, Hypothesis) else SimpleNamespace(**{**vars(each), **given}))
+    monkeypatch.setattr(naming, "log_evidence", lambda fit: fit.value)
+    monkeypatch.setattr(naming, "attempt", lambda data, terms, near: fit(*terms))
+    both = Hypothesis((0, 2), (0, 2), -1.0, 1.0)
+    found: Any = SimpleNamespace(seen=SimpleNamespace(hypotheses=(both,), dictionary=SimpleNamespace(entries=entries)),
+                                 best=both, fitted=fit(*wide), lost=())
+    plain: Any = with_plainer_effects(found)
+    assert [term.label for term in plain.fitted.terms] == ["force turn", "reading turn"]
+    assert plain.best.key == plain.seen.hypotheses[0].key == {1, 3}
+
+
 @dataclass(frozen=True)
 class Named:
     """A cause with its probability."""

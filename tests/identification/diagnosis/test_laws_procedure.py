@@ -171,11 +171,14 @@ class Named:
     carried: float | None = 1.0
     rivals: tuple[Any, ...] = ()
     withdrawn: dict[str, str] | None = None
+    robot_difference: float | None = 2e-6
+    next_loads: tuple[str, ...] = ("a load",)
 
 
 @pytest.mark.parametrize(("first", "kept"), [(-4.0, None), (-2.0, True), (2.0, True), (4.0, False)])
 def test_causes_stand_beside_mistakes_that_are_about_as_likely(first: float, kept: bool | None) -> None:
-    """Within e^3 of each other both stay open; mistakes that are likelier by more take the causes' place."""
+    """Within e^3 of each other both stay open; mistakes that are likelier by more take the causes' place, and no loads separate
+    these any more. What the choice makes of a correction is not known: the rows may be others."""
     mistakes = tuple(SimpleNamespace(candidate=SimpleNamespace(log_posterior=50.0 + by)) for by in (first, first - 1.0))
     judgement: Any = Named()
     found = beside(judgement, Mistakes((), mistakes, None), 50.0)
@@ -183,7 +186,8 @@ def test_causes_stand_beside_mistakes_that_are_about_as_likely(first: float, kep
         assert found is judgement
     else:
         assert (found.verdict, found.causes, found.mistakes) == ("ambiguous", (), mistakes)
-        assert found.alternatives == (("a cause",) if kept else ())
+        assert (found.alternatives, found.next_loads) == ((("a cause",), ("a load",)) if kept else ((), ()))
+        assert (found.robot_difference, found.carried, found.gain) == (None, None, None)
 
 
 @pytest.mark.parametrize(("verdict", "beside_it"), [("named", True), ("unknown", False)])

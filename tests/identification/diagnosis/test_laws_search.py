@@ -57,19 +57,38 @@ def test_runs_end_where_any_label_changes() -> None:
 
 
 def test_where_the_gear_rests_anywhere_it_may_turn_round_with_the_load() -> None:
-    """By the sign of the largest force, whatever the small ones do; in its typical size, in the rows that are undecided."""
+    """By the sign of the largest force, whatever the small ones and moments do; in its typical size, in the rows that are
+    undecided."""
     rng = np.random.default_rng(5)
-    wrench = np.array([[300.0, -4, 9, 0, 0, 0], [-300, 8, 2, 0, 0, 0], [7, -2, -250, 0, 0, 0], [1, 0, 80, 0, 0, 0]])
-    state: Any = type("State", (), {"wrench": wrench, "jacobian": rng.standard_normal((4, 6, 6)), "__len__": lambda self: 4})()
-    mask = np.array([True, True, True, False])
+    wrench = np.array([[300.0, -4, 9, 0, -900, 0], [-300, 8, 2, 0, 0, 0], [7, -2, -250, 0, 0, 0], [0, 0, 0, 0, 0, 50],
+                       [1, 0, 80, 0, 0, 0]])
+    state: Any = type("State", (), {"wrench": wrench, "jacobian": rng.standard_normal((5, 6, 6)), "__len__": lambda self: 5})()
+    mask = np.array([True, True, True, True, False])
     gear = SimpleNamespace(undecided=lambda state, joint: mask, typical=lambda state, joint: np.array([2e-4]))
     entries: Any = (SimpleNamespace(effect=gear, joint=3), SimpleNamespace(effect=gear, joint=4))
     nothing: Any = None
     found = Dictionary(entries, (), nothing, nothing, nothing, {}).undecided(state, 3)
     move = 2e-4 * state.jacobian[:, :3, 2] * mask[:, None]
     assert np.allclose(found[:, :, 0], move)
-    assert np.allclose(found[:, :, 1], move * np.array([1, -1, -1, 1])[:, None])
-    assert Dictionary(entries, (), nothing, nothing, nothing, {}).undecided(state, 2).shape == (4, 3, 0)
+    assert np.allclose(found[:, :, 1], move * np.array([1, -1, -1, 0, 1])[:, None])
+    assert Dictionary(entries, (), nothing, nothing, nothing, {}).undecided(state, 2).shape == (5, 3, 0)
+    assert Dictionary(entries, (), nothing, nothing, nothing, {}).undecided(state, None).shape == (5, 3, 0)
+
+
+def test_of_several_laws_of_a_gear_the_widest_counts_where_any_is_undecided() -> None:
+    """A law that is decided everywhere has no say, nor has another gear's, nor what belongs to no joint."""
+    state: Any = type("State", (), {"wrench": np.tile([9.0, 0, 0, 0, 0, 0], (3, 1)), "jacobian": np.full((3, 6, 6), 0.5),
+                                    "__len__": lambda self: 3})()
+
+    def law(joint: int | None, size: float, *rows: int) -> Any:
+        return SimpleNamespace(joint=joint, effect=SimpleNamespace(
+            undecided=lambda state, joint: np.isin(np.arange(3), rows), typical=lambda state, joint: np.array([size, 7.0])))
+
+    laws: Any = (law(2, 3e-4, 0), law(2, 1e-4, 2), law(2, 9e-4), law(5, 8e-4, 1), law(None, 8e-4, 1))
+    nothing: Any = None
+    found = Dictionary(laws, (), nothing, nothing, nothing, {}).undecided(state, 2)
+    assert found[:, 1, 0].tolist() == pytest.approx([1.5e-4, 0.0, 1.5e-4])
+    assert Dictionary(laws[2:3], (), nothing, nothing, nothing, {}).undecided(state, 2).shape == (3, 3, 0)
 
 
 def test_without_a_weight_the_best_signature_of_the_same_law_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.linalg import null_space
-from scipy.stats import multivariate_normal
+from scipy.optimize import minimize
+from scipy.stats import chi2, multivariate_normal
 
-from identification.diagnosis.swing import Swing, _groups, _Sizes
+from identification.diagnosis.swing import Swing, _groups, _Sizes, _Visits, swing_of
 from identification.fit.load_test import LoadTest
 from identification.model.load_state import LoadState
 from tests.identification.fit.exact_rows import by_compliance
@@ -87,3 +88,60 @@ def test_a_swing_is_in_the_sigmas_as_side_forces_in_both_directions(hung: tuple[
     squared = np.array([2e-6, 3e-6, 4e-6]) ** 2 + (side * does[:, :, 0]) ** 2 + (side * does[:, :, 1]) ** 2
     np.testing.assert_allclose(allowed.rows.sigma, np.sqrt(squared), rtol=1e-4)
     np.testing.assert_array_equal(allowed.rows.deflection, data.rows.deflection)
+
+
+@pytest.mark.parametrize("stated", [0.0, 2.0])
+def test_a_swing_is_found_with_its_size_and_how_seldom_chance_has_it(
+        hung: tuple[LoadTest, LoadState, Array], stated: float) -> None:
+    """Side forces of 3 % of the load in ten visits of six rows: half a chi-squared of one degree by twice the difference of the
+    two largest likelihoods; the largest displacement in the row that a newton aside moves most. A stated error of the force is
+    what is believed of it."""
+    base, _, does = hung
+    visit, which = np.repeat(np.arange(10), 6), np.repeat(np.linspace(0, 17, 10).astype(int), 6)
+    load = np.tile([0.0, 100.0, 200.0, 300.0, 150.0, 0.0], 10)
+    wrench = np.zeros((60, 6))
+    wrench[:, 2] = -load
+    noise = replace(base.cell.noise, force=np.full(3, stated), force_relative=0.01 * stated)
+    rows = replace(base.rows, theta=base.rows.theta[which], wrench=wrench, visit=visit,
+                   sigma=np.full((60, 3), np.nan), deflection=np.zeros((60, 3)))
+    data = replace(base, cell=replace(base.cell, noise=noise), rows=rows)
+    rng = np.random.default_rng(8)
+    aside = 0.03 * load[:, None] * rng.standard_normal((60, 2))
+    swung = np.einsum("nij,nj->ni", does[which][:, :, :2], aside)
+    residual = np.array([2e-6, 3e-6, 4e-6]) * rng.standard_normal((60, 3)) + swung
+    fitted: Any = SimpleNamespace(data=data, load_state=data.load_state(1 / TRUE), residual=residual, compliance=1 / TRUE)
+    found = swing_of(fitted)
+    assert found is not None
+    assert abs(np.log(found.size / 0.03)) < 3 * found.log_std < 0.6
+    moved = np.sqrt(np.sum(does[which, :, 0] ** 2, axis=1) + np.sum(does[which, :, 1] ** 2, axis=1)) * load * found.size
+    assert found.largest == pytest.approx(moved.max(), rel=1e-3)
+    start = np.log([1.0, stated or 0.5, 0.01 * stated or 0.005, 0.01])
+    sizes = _Sizes(_groups(fitted), start)
+
+    def cost(logs: Array) -> float:
+        return float(0.5 * np.sum(((logs[1:3] - start[1:3]) / 0.7) ** 2) - sizes.by_visit(logs).sum())
+
+    without, best = (minimize(cost, start[:count], method="Powell", options={"ftol": 1e-10}) for count in (3, 4))
+    assert found.size == pytest.approx(np.exp(best.x[3]), rel=0.02)
+    assert found.p_value == pytest.approx(0.5 * chi2.sf(2 * (without.fun - best.fun), 1), rel=0.02)
+    step = 0.05 * np.eye(4)[3]
+    further = cost(best.x + step) + cost(best.x - step) - 2 * cost(best.x)
+    assert found.log_std == pytest.approx(0.05 / np.sqrt(further), rel=0.03)
+    quiet: Any = SimpleNamespace(**(vars(fitted) | {"residual": residual - swung}))
+    assert swing_of(quiet) is None
+
+
+@pytest.mark.parametrize("loudest", range(6))
+def test_the_visit_that_speaks_most_for_a_swing_is_left_out(loudest: int) -> None:
+    """Of one, two and three visits that each have one number in the noise of a sensor and of a swing: the largest, nine times
+    as large as the others."""
+    values = np.where(np.arange(6) == loudest, 9.0, [1.0, 1.01, 1.02, 1.03, 1.04, 1.05])
+    groups = tuple(_Visits(each[:, None], np.tile(np.array([1.0, 0, 0, 1])[:, None, None], (len(each), 1, 1, 1)))
+                   for each in np.split(values, [1, 3]))
+    sizes = _Sizes(groups, np.log([1.0, 0.5, 0.005, 1.0]))
+    vars(sizes).update(without=(np.zeros(3), 0.0), best=(np.zeros(4), 0.0))
+    left = sizes.without_loudest()
+    assert np.concatenate([group.values[:, 0] for group in left.groups]).tolist() == np.delete(values, loudest).tolist()
+    assert [len(group.values) for group in left.groups] == [len(group.parts) for group in left.groups]
+    assert len(left.groups) == (2 if loudest == 0 else 3)
+    np.testing.assert_array_equal(left.start, sizes.start)

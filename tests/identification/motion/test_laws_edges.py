@@ -14,7 +14,7 @@ import pytest
 from identification.common.findings import CompstiffError
 from identification.model.effects.encoder_slip import EncoderSlip
 from identification.model.effects.lost_samples import LostSamples
-from identification.motion import crosstalk, inner_friction, leaps, lines, procedure, stiffness, transmission
+from identification.motion import crosstalk, inner_friction, leaps, lines, procedure, stiffness, transmission, zeros
 from identification.motion.band import low_pass
 from identification.motion.leaps import Leap
 from identification.motion.lines import Line
@@ -114,6 +114,62 @@ def test_records_disagree_that_chance_makes_so_once_in_a_hundred(
     assert found.apart == pytest.approx(apart)
     assert found.law_std == pytest.approx(max(1.6e-9, apart * 2e-9 / np.sqrt(2)))
     assert found.grade == grade
+
+
+def test_of_three_records_the_two_that_are_farthest_apart_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    each = iter([2e-7, 2e-7, 2.05e-7, 1.9e-7])
+    monkeypatch.setattr(stiffness, "_from", lambda *of: stiffness._judged(estimate(next(each), 2e-9)))
+    monkeypatch.setattr(stiffness, "axis_of", lambda *of, **more: None)
+    monkeypatch.setattr(stiffness, "straight_line", lambda axis: np.array([0.0, 2e-7]))
+    records: Any = [SimpleNamespace(joints={2: None}, source=name) for name in ("a.csv", "b.csv", "c.csv")]
+    found = axis_stiffness(2, records, Transmission(2))
+    assert found.apart == pytest.approx(15 / np.sqrt(8))
+    assert found.law_std == pytest.approx(np.std([200, 205, 190], ddof=1) / np.sqrt(3) * 1e-9)
+
+
+@dataclass(frozen=True)
+class Rest_:
+    """Two records of 30 samples, each at rest in noise that is white."""
+
+    deflection: Any
+    lengths: tuple[int, ...] = (30, 30)
+    noise: Any = None
+    dictionary: Any = ()
+
+
+@pytest.mark.parametrize("stated", [0.25, 1.0, 9.0])
+def test_a_zero_s_shift_is_as_sure_as_simulated_records_have_it(monkeypatch: pytest.MonkeyPatch, stated: float) -> None:
+    """A variance that was stated too small is widened to what sixty records scatter by, one too large is left as it is."""
+    columns = np.repeat(np.eye(2), 30, axis=0)
+    measured = np.random.default_rng(3).normal(0, 1e-5, 60) + columns @ [1e-4, 3e-4]
+    sizes = []
+
+    def simulate(size: float, count: int, rng: np.random.Generator) -> Any:
+        sizes.append(size)
+        return size * rng.standard_normal(count)
+
+    axis = Rest_(measured, noise=SimpleNamespace(simulate=simulate))
+
+    def solve(axis: Any, columns: Any) -> Any:
+        told = columns.T @ axis.deflection / 30
+        left = axis.deflection - columns @ told
+        return SimpleNamespace(coefficients=told, covariance=stated * (left @ left / 58) * np.eye(2) / 30, chi2=left @ left,
+                               count=60)
+
+    monkeypatch.setattr(zeros, "axis_of", lambda *of: axis)
+    monkeypatch.setattr(zeros, "model_columns", lambda *of: columns)
+    monkeypatch.setattr(zeros, "solve", solve)
+    records: Any = [SimpleNamespace(joints={2: None}, source=name) for name in ("a.csv", "b.csv")]
+    nothing: Any = None
+    (found,) = zeros.zero_shifts(2, nothing, Transmission(2), records)
+    first, second = measured[:30], measured[30:]
+    assert found.shift == pytest.approx(second.mean() - first.mean())
+    variance = (first.var() + second.var()) / 58
+    assert sizes == pytest.approx([np.sqrt(30 * variance)] * 120)       # sixty times two records
+    expected = np.sqrt(2 * variance * max(1.0, stated))
+    # The scatter of sixty is known to a tenth.
+    assert found.std == pytest.approx(expected, rel=1e-9 if stated > 4 else 0.3)
+    assert (found.reference, found.record) == ("a.csv", "b.csv")
 
 
 @pytest.mark.parametrize(("before", "line", "low", "confirmed"), [

@@ -87,6 +87,20 @@ def test_a_leap_is_sure_beside_what_nothing_explains(tmp_path: Path, wave: float
     assert one.left.patterns
 
 
+def test_of_causes_that_do_not_explain_the_rest_the_leap_alone_is_sure(tmp_path: Path) -> None:
+    """An encoder that is late by 0.9 ms and a law of no dictionary: what is likely beside the leap stays open, each
+    cause once."""
+    values = columns(405, {"channel_delay": 0.3}, seconds=5, noise=2e-6)
+    values["q2_link_deg"] = values["q2_link_deg"] - np.degrees(1e-4 * np.sin(values["q2_torque_nm"] / 150.0))
+    one = diagnose_axes([log_of(tmp_path / "log.csv", slipped(values, 6e-4, 2.7))], replicates=19)[0]
+    assert (one.verdict, [cause.shape.name for cause in one.causes]) == ("named", ["encoder_slip"])
+    assert one.left.patterns
+    others = [cause.shape.name for cause in one.alternatives]
+    assert "channel_delay (link)" in others
+    assert "encoder_slip" not in others
+    assert len(others) == len(set(others))
+
+
 @pytest.mark.parametrize(("seed", "silent", "told"), [(420, (1, 3, -1), (4, -5)), (421, (1, 2, 3), (4, -6))])
 def test_a_leap_near_an_end_is_told_as_it_is_or_not_at_all(
     tmp_path: Path, seed: int, silent: tuple[int, ...], told: tuple[int, ...]

@@ -15,14 +15,16 @@ from identification.model.effects import effects
 from identification.model.effects.channel_delay import ChannelDelay
 from identification.motion import causes, search
 from identification.motion.axis import Axis, Solved, axis_of, solve
+from identification.motion.band import BAND, low_pass
 from identification.motion.causes import LogCause, cause_of
 from identification.motion.dictionary import EXCLUSIVE, LINK_DELAY, Shape
 from identification.motion.log_file import MotionLog
-from identification.motion.prediction import Gain, _folds, _splits, model_columns, residual_on
+from identification.motion.prediction import Gain, _folds, _splits, held_out, model_columns, residual_on
 from identification.motion.products import products
 from identification.motion.proxies import evidence, turned
 from identification.motion.remainder import _share, angle_columns
 from identification.motion.search import Hypothesis, survey
+from identification.motion.transmission import Transmission
 from tests.identification.motion.test_laws_transmission import record
 
 
@@ -212,6 +214,29 @@ def test_what_is_held_out_and_what_it_is_predicted_by(log: MotionLog) -> None:
         [2000], [500, 1500], [1000, 1000], [1500, 500], [2000]]
     assert not any(one.apart for one in blocks)
     assert blocks[1].train[1].time[0] == log.time[1000]
+
+
+def test_a_gain_is_that_of_a_straight_line_and_the_causes_on_a_record_with_a_zero_of_its_own(
+        log: MotionLog, sets: tuple[Hypothesis, ...]) -> None:
+    """Another record of the same motion, its zero 50 urad higher: the line of what passes the band, at full rate; what a model
+    explains is one less its share of the squares about the record's mean."""
+    one = log.joints[2]
+    other = replace(log.less(2, np.full(len(log.time), -5e-5)), source="other.csv")
+    gain, helps = held_out(2, BAND, sets[0], Transmission(2), [log], other)
+    torque, deflection = low_pass(np.column_stack([one.torque, one.deflection]), log.rate).T
+    slope, offset = np.polyfit(torque, deflection, 1)
+    left = one.deflection - slope * one.torque
+    about = np.sum((one.deflection - one.deflection.mean()) ** 2)
+    assert gain.before == pytest.approx(np.std(left), rel=1e-6)
+    assert_allclose(gain.residuals[:, 0], left - left.mean(), atol=1e-12)
+    assert gain.with_zero[0] == pytest.approx(np.sqrt(np.mean((left + 5e-5 - offset) ** 2)), rel=1e-6)
+    assert gain.after == pytest.approx(np.sqrt(np.mean(gain.residuals[:, 1] ** 2)))
+    assert gain.explained == pytest.approx([1 - np.sum(column**2) / about for column in gain.residuals.T])
+    assert gain.ratio > 1.5
+    # What is hidden there helps, and would not where it is left out: the record is the same.
+    assert helps == (True,) * len(sets[0].entries)
+    assert gain.held_out == "validate: other.csv"
+    assert gain.interval[0] < gain.ratio < gain.interval[1]
 
 
 def test_a_fit_is_carried_to_another_record_with_the_mean_of_its_zeros(axis: Axis) -> None:
