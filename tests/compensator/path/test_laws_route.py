@@ -90,6 +90,26 @@ def test_a_slight_corner_is_one_point_with_the_curvature_of_its_parabola(tmp_pat
     np.testing.assert_allclose(route.d2theta_ds2[at], expected, rtol=0.02, atol=0.02)
 
 
+@pytest.mark.parametrize(("degrees", "share", "resolved"), [
+    (4.0, 0.22, False), (4.0, 0.28, True), (9.5, 0.05, False), (10.5, 0.05, True)])
+def test_a_corner_is_looked_at_closely_beyond_ten_degrees_or_a_quarter_of_an_acceleration(
+    tmp_path: Path, degrees: float, share: float, resolved: bool
+) -> None:
+    """What a joint needs of its acceleration to change its rate by the corner's step over twice the zone, at the feed."""
+    bend, corner = np.radians(degrees), np.array([1150.0, 0, 700])
+    ways = [np.array([1.0, 0, 0]), np.array([np.cos(bend), np.sin(bend), 0])]
+    steps = []
+    for way in ways:
+        behind, ahead = turning(tmp_path, [list(corner - 0.5 * way), list(corner + 0.5 * way)], [0, 0], "fine").theta
+        steps.append((ahead - behind) / 1e-3)
+    jump = np.abs(steps[1] - steps[0])
+    feed = np.sqrt(share * 2 * 5e-3 * np.min(robot().acceleration / jump))
+    points = [list(corner - 50 * ways[0]), list(corner), list(corner + 50 * ways[1])]
+    _, position, _ = driven(turning(tmp_path, points, [0, 0, 0], "z5", f"[{1e3 * feed:.6f},500,5000,1000]"))
+    near = np.linalg.norm(position - corner, axis=1) < 4.9
+    assert (near.sum() >= 9) if resolved else (near.sum() == 1)
+
+
 @pytest.mark.parametrize("zone", ["z5", "fine"])
 def test_the_derivatives_add_up_to_the_joints_angles(tmp_path: Path, zone: str) -> None:
     """By the trapezoidal rule from stop to stop: the first to the angles, the second to the first."""

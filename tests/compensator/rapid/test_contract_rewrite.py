@@ -82,6 +82,17 @@ def test_several_corrections_of_one_target():
     assert (finding.code, finding.level, finding.count) == ("CS2041", "note", 4)
 
 
+@pytest.mark.parametrize("corrected", [[0, 1, 2, 3, 4], [4, 2, 0], [1, 2, 3]])
+def test_what_stands_between_corrected_moves_stays(corrected):
+    """However many follow one another, in whichever order they are given."""
+    lines = [f"  MoveL {target(x)},{MOVE} ! {x}" for x in (10, 20, 30, 40, 50)]
+    written = shift(program("\n".join(lines)), corrected, [[k + 1, 0, 0] for k in corrected])
+    wanted = [line.replace(f"[[{10 * (k + 1)},", f"[[{11 * (k + 1)}.0000,") if k in corrected else line
+              for k, line in enumerate(lines)]
+    assert written.content.decode() == program("\n".join(wanted))
+    assert written.numbers == len(corrected)
+
+
 def test_equal_corrections_to_the_written_digits_are_one():
     text = program(f"MoveL p,{MOVE}MoveL p,{MOVE}", f"CONST robtarget p:={target(1)};")
     written = shift(text, [0, 1], [[0.1, 0, 0], [0.10001, 0, 0]])
@@ -102,6 +113,30 @@ def test_a_target_used_elsewhere_keeps_its_declaration(use):
     written = shift(text, [0], [TENTH])
     assert changed(text, written.content) == [
         f"LOCAL CONST robtarget p_c1:=[[1.1000,0.2000,0.3000],[1,0,0,0],[0,0,0,0],{UNUSED}];", f"MoveL p_c1,{MOVE}"]
+
+
+@pytest.mark.parametrize("spelled", ["p{1,n}", "p{m,2}", "p{m,n}", "p{m+0,2}", "p{1,2}"])
+@pytest.mark.parametrize("corrected", [[0], [0, 1], [1, 2]])
+def test_an_element_is_corrected_where_it_is_named_and_nowhere_else(spelled, corrected):
+    """In whichever way its indices are written: another move to it, and its neighbours, stay where they are."""
+    text = program(f"MoveL {spelled},{MOVE}\nMoveL p{{1,2}},{MOVE}\nMoveL p{{2,2}},{MOVE}\nMoveL p{{1,1}},{MOVE}",
+                   "CONST num n:=2;\nCONST num m:=1;\nPERS robtarget p{2,2}:="
+                   f"[[{target(1)},{target(2)}],[{target(3)},{target(4)}]];")
+    wanted = [2.0, 2.0, 4.0, 1.0]
+    for k in corrected:
+        wanted[k] += 0.1 * (k + 1)
+    written = shift(text, corrected, [[0.1 * (k + 1), 0, 0] for k in corrected])
+    assert millimetres(read_rapid(written.content).toolpath) == [[x, 0, 0] for x in wanted]
+
+
+def test_declarations_stand_in_the_order_of_the_moves_that_need_them():
+    """The tenth behind the ninth."""
+    text = program("\n".join([f"MoveL p,{MOVE}"] * 11), f"CONST robtarget p:={target(1)};")
+    written = shift(text, list(range(11)), [[k + 1, 0, 0] for k in range(11)])
+    assert changed(text, written.content) == [
+        *(f"LOCAL CONST robtarget p_c{k}:={target(f'{k + 1}.0000')};" for k in range(1, 12)),
+        *(f"MoveL p_c{k},{MOVE}" for k in range(1, 12))]
+    assert (written.numbers, written.declarations) == (11, 11)
 
 
 def test_a_name_that_only_looks_alike_is_no_use():
