@@ -238,6 +238,15 @@ def test_an_alias_gets_numbers_of_its_own():
     assert shift(text, [0], [TENTH]).declarations == 1          # q still needs the old p
 
 
+def test_an_alias_that_became_numbers_is_told_and_its_numbers_are_counted():
+    """Alone in the modules of its file, and where others may name it."""
+    for reach, codes in (("LOCAL ", ["CS2040"]), ("", ["CS2040", "CS3270"])):
+        text = program(f"MoveL p,{MOVE}\nMoveL q,{MOVE}", f"CONST robtarget p:={target(1)};\n{reach}CONST robtarget q:=p;")
+        written = shift(text, [1], [TENTH])
+        assert (written.numbers, written.declarations) == (7, 0)
+        assert [(one.code, one.target, one.count) for one in written.findings] == [(code, 1, 1) for code in codes]
+
+
 def test_symbols_stay_unless_they_must_change():
     declarations = "CONST pos corner:=[1,2,3];\nCONST confdata conf1:=[0,0,0,0];\nCONST num high:=5;"
     body = (f"MoveL [corner,[1,0,0,0],conf1,{UNUSED}],{MOVE}\nMoveL [[1,2,high],[1,0,0,0],conf1,{UNUSED}],{MOVE}\n"
