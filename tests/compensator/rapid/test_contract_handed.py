@@ -62,3 +62,30 @@ def test_the_routine_is_named_as_it_is_written() -> None:
     finding = next(finding for finding in path(main="rMeasurePart wPart; @w").findings if finding.code == "CS2058")
     assert "work object wPart is handed to rMeasurePart, which is not in this file" in finding.message
     assert finding.line == 2
+
+
+@pytest.mark.parametrize(("call", "said"), [
+    ("rLog tMill;", True), ("rLog 5,tMill;", True), ("rLog (tMill);", False), ("rLog 5+tMill.tload.mass;", False),
+    ("rLog -tMill.tload.mass;", False), ("nMass:=tMill.tload.mass;", False), ("nMass:=(tMill.tload.mass);", False),
+    ("rLog\\Of:=tMill;", True), ("rLog\\Of?tMill;", True), ("IF tMill.robhold rLog 5;", False),
+    ("rLog nLoads{tMill.tload.mass};", False)])
+def test_a_value_that_is_worked_out_is_no_tool_that_is_handed_over(call: str, said: bool) -> None:
+    """A routine of another file can change what it is given by its name, and nothing that it is given the value of."""
+    assert codes(path(main=f"{call} @w")) == ["CS2058"] * said
+
+
+@pytest.mark.parametrize("first", [
+    "5", "nAny", '"text"', "TRUE", "[1,2]", "(1+2)", "fOther(1,2)", "fOther([1,2],3)", "aSome{1}", "-5", "fOther()", "a.b",
+    "NOT bAny", "[[1,2],[3,4]]", "((1))", "1\\Opt:=2", "1\\Opt", "aSome{1,2}"])
+@pytest.mark.parametrize("form", [
+    "rSet {},{};", "IF fSet({},{}) rOther;", "rOther fSet({},{}),wIdle;", "nIt:=2*(1+fSet({},{}));"])
+def test_the_second_argument_is_the_second_whatever_the_first_is(first: str, form: str) -> None:
+    """A routine that moves the second tool which it is given, and leaves the first as it is."""
+    given = "(num a,PERS tooldata b)\nb.tframe.trans.z:=5;\n"
+    routines = f"PROC rSet{given}ENDPROC\nFUNC bool fSet{given}RETURN TRUE;\nENDFUNC\n"
+    move = f"MoveL {target(0)},v100,z1,tMill\\WObj:=wPart;"
+    for second, problem in (("tMill", True), ("tNone", False), (f"tNone),fOther({first},tMill", False)):
+        if ")" in second and "fSet" not in form:
+            continue
+        text = f"MODULE M\n{DATA}{routines}PROC main()\n{form.format(first, second)}\n{move}\nENDPROC\nENDMODULE\n"
+        assert bool(read_rapid(text.encode()).toolpath.tools[0].problem) == problem, text

@@ -181,6 +181,14 @@ def test_added_declarations_have_the_line_end_and_encoding_of_the_file(end, enco
     assert "\n" not in text_back
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\r\r\n"])
+@pytest.mark.parametrize("before", ["", "! a line\n", "! a line\r\n\r\n"])
+def test_behind_the_last_line_without_an_end_stands_that_of_the_line_before(end, before):
+    text = f"{before}MoveL p,{MOVE} MoveL p,{MOVE}{end} CONST robtarget p:={target(1)};"
+    assert shift(text, [1], [[1, 0, 0]]).content.decode() == text.replace("MoveL p,", "MoveL p_c1,").replace(
+        "MoveL p_c1,", "MoveL p,", 1) + f"{end} LOCAL CONST robtarget p_c1:={target('2.0000')};"
+
+
 def test_a_declaration_in_the_middle_of_a_line():
     text = f"PROC a()\nCONST robtarget p:={target(1)}; MoveL p,{MOVE} MoveL p,{MOVE}\nENDPROC"
     assert shift(text, [1], [TENTH]).content.decode() == (
@@ -228,6 +236,7 @@ def test_offs_and_reltool_become_targets_in_numbers():
         f"MoveC [[10.0000,20.0000,25.0000],[0.00000000,0.70710678,-0.70710678,0.00000000],{rest},p,{MOVE}"]
     finding, = written.findings
     assert (finding.code, finding.level, finding.count, finding.target) == ("CS2040", "note", 2, 0)
+    assert written.numbers == 14
 
 
 def test_an_alias_gets_numbers_of_its_own():

@@ -155,8 +155,8 @@ def test_a_call_that_stops_is_not_repeated(tail: str, own: bool, flies: bool) ->
 def test_moves_calls_loops_and_arcs_of_one_program_all_get_their_further_targets() -> None:
     """Whatever the others are, in whichever order they are asked for."""
     loop = "FOR k FROM 1 TO Dim(pts,1) DO\nMoveL pts{k},v100,z1,tool0;\nENDFOR"
-    text = (f"MODULE M\nLOCAL CONST robtarget pts{{2}}:=[{target(5)},{target(6)}];\nPROC main()\n{OWN}\ncut {target(3)};\n{OWN}\n"
-            f"{OWN}\nMoveC {ARC[0]},{ARC[1]},v100,z0,tool0;\n{loop}\nENDPROC\n{CUT}ENDMODULE")
+    text = (f"MODULE M\nLOCAL CONST robtarget pts{{2}}:=[{target(5)},{target(6)}];\nPROC main()\n{OWN}\n"
+            f"cut {target(3)};\n{OWN}\n{OWN}\nMoveC {ARC[0]},{ARC[1]},v100,z0,tool0;\n{loop}\nENDPROC\n{CUT}ENDMODULE")
     read = load(text)
     assert [follows_directly(read, k) for k in range(8)] == [False, True, True, True, True, False, True, True]
     expected = text.replace(f"cut {target(3)};", f"cut {new(11)};\ncut {target(3)};").replace(
