@@ -78,7 +78,8 @@ def test_a_value_that_is_worked_out_is_no_tool_that_is_handed_over(call: str, sa
     "5", "nAny", '"text"', "TRUE", "[1,2]", "(1+2)", "fOther(1,2)", "fOther([1,2],3)", "aSome{1}", "-5", "fOther()", "a.b",
     "NOT bAny", "[[1,2],[3,4]]", "((1))", "1\\Opt:=2", "1\\Opt", "aSome{1,2}", "\\Opt:=[2],5", "5,\\Opt", "\\Opt,(5)"])
 @pytest.mark.parametrize("form", [
-    "rSet {},{};", "IF fSet({},{}) rOther;", "rOther 1+fSet({},{}),wIdle;", "nIt:=2*(1+fSet({},{}));", "rOther\\A:=fSet({},{}),wIdle;"])
+    "rSet {},{};", "IF fSet({},{}) rOther;", "rOther 1+fSet({},{}),wIdle;", "nIt:=2*(1+fSet({},{}));",
+    "rOther\\A:=fSet({},{}),wIdle;"])
 def test_the_second_argument_is_the_second_whatever_the_first_is(first: str, form: str) -> None:
     """A routine that moves the second tool which it is given, and leaves the first as it is."""
     given = "(num a,PERS tooldata b)\nb.tframe.trans.z:=5;\n"
