@@ -131,6 +131,84 @@ def test_the_derivatives_add_up_to_the_joints_angles(tmp_path: Path, zone: str) 
         np.testing.assert_array_equal(change[[0, -1]], 0)
 
 
+def test_an_arc_is_looked_at_every_three_degrees_and_the_tool_turns_with_the_way(tmp_path: Path) -> None:
+    """Behind a line, by 60 and by 40 degrees about a centre, with 12 and 4 degrees of the tool; in one plane that leans."""
+    plane = rotation_matrix(np.radians([20.0, -15.0, 0]))
+    at = [np.array([1150.0, 0, 700]) + plane @ point for point in (
+        [30.0, -20, 0], *([30 * np.cos(angle), 30 * np.sin(angle), 0] for angle in np.radians([0, 60, 100])))]
+    turns = [0, 5, 17, 21]
+    poses = [target(point, rotation_matrix(np.radians([0, 0, turn])) @ DOWN) for point, turn in zip(at, turns, strict=True)]
+    path = program(tmp_path, [f"MoveJ {poses[0]},v200,z5,tSpindle;", f"MoveL {poses[1]},v200,fine,tSpindle;",
+                              f"MoveC {poses[2]},{poses[3]},v200,fine,tSpindle;"])
+    route, position, turn = driven(path)
+    local = (position - [1150, 0, 700]) @ plane
+    np.testing.assert_allclose(local[:, 2], 0, atol=1e-6)
+    angle = np.degrees(np.arctan2(local[:, 1], local[:, 0]))
+    line = route.leg == 1
+    np.testing.assert_allclose(local[line, 0], 30, atol=1e-6)
+    np.testing.assert_allclose(turn[line], 5 + local[line, 1] / 4, atol=1e-6)
+    arc = ~line
+    np.testing.assert_allclose(np.hypot(local[arc, 0], local[arc, 1]), 30, atol=1e-6)
+    np.testing.assert_allclose(turn[arc], np.where(angle[arc] <= 60, 5 + 12 * angle[arc] / 60, 17 + 4 * (angle[arc] - 60) / 40),
+                               atol=1e-6)
+    assert angle[arc][0] == pytest.approx(0, abs=1e-6)
+    assert (np.diff(angle[arc]) > 0).all()
+    assert np.diff(angle[arc]).max() < 3 + 1e-6
+    assert np.diff(angle[arc]).max() > 2.5
+    assert set(route.leg[arc][angle[arc] < 59.9]) == {2}
+    assert set(route.leg[arc][angle[arc] > 60.1]) == {3}
+    np.testing.assert_allclose(1e3 * (route.s[arc] - route.s[arc][0]), 30 * np.radians(angle[arc]), atol=1e-6)
+
+
+def test_where_the_wrist_turns_fast_it_is_looked_at_more_closely(tmp_path: Path) -> None:
+    """Towards the singularity and away from it again on another leg: no joint by over five degrees from point to point, all of
+    them on the lines and in their order."""
+    across, aside = np.array([-4.0, 0.0, 4.0]), 0.3
+    turn = np.degrees(np.arctan2(across, aside))
+    angles = np.column_stack([np.zeros(3), np.full(3, 10), np.full(3, 20), turn, np.hypot(across, aside), -turn])
+    tip = forward(robot(), np.radians(angles), Frame.identity()) @ Frame(np.eye(3), np.array([0.12, 0, 0.25]))
+    path = program(tmp_path, [f"Move{'L' if k else 'J'} {target(1e3 * tip.position[k], tip.rotation[k])},v5,fine,tSpindle;"
+                              for k in range(3)])
+    route = build_route(path, Poses(path.base_from_tcp, path.theta))
+    assert set(route.leg) == {1, 2}
+    position = (forward(robot(), route.theta, Frame.identity()) @ path.flange_from_tcp[0]).position
+    turned = np.abs(np.diff(route.theta, axis=0)).max(axis=1)
+    step = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    assert np.degrees(np.abs(np.diff(path.theta, axis=0)).max(axis=1)).min() > 80
+    assert (np.degrees(turned[step > 20e-6]) <= 5).all()
+    assert (np.diff(route.leg) >= 0).all()
+    for leg in (1, 2):
+        here, ends = position[route.leg == leg], path.base_from_tcp.position[leg - 1:leg + 1]
+        length = np.linalg.norm(ends[1] - ends[0])
+        along = (here - ends[0]) @ (ends[1] - ends[0]) / length
+        assert (np.diff(along) > 0).all()
+        assert along[[0, -1]] == pytest.approx([0, length], abs=1e-8)
+        np.testing.assert_allclose(np.linalg.norm(here - ends[0], axis=1), along, atol=1e-8)
+        np.testing.assert_allclose(route.s[route.leg == leg] - route.s[route.leg == leg][0], along, atol=1e-8)
+
+
+def test_ramps_are_looked_at_from_a_quarter_of_them_to_beyond_their_end(tmp_path: Path) -> None:
+    """From rest to 20 mm/s, on to 80, down to 50, to rest: each as long as the joint of the least acceleration along the path
+    needs; beside them every centimetre alone."""
+    corner, feeds, way = np.array([[1100.0 + 45 * k, 0, 700] for k in range(4)]), [20.0, 80.0, 50.0], np.array([1.0, 0, 0])
+    rates = []
+    for k in range(4):
+        behind, ahead = turning(tmp_path, [list(corner[k] - 0.5 * way), list(corner[k] + 0.5 * way)], [0, 0], "fine").theta
+        rates.append(np.abs(ahead - behind) / 1e-3)
+    path = program(tmp_path, [f"MoveJ {target(corner[0])},v5,fine,tSpindle;", *(
+        f"MoveL {target(corner[k + 1])},[{feed},500,5000,1000],{'fine' if k == 2 else 'z5'},tSpindle;"
+        for k, feed in enumerate(feeds))])
+    _, position, _ = driven(path)
+    expected = [0.0]
+    for k, (slower, feed, faster) in enumerate(((0, 20, 80), (20, 80, 50), (80, 50, 0))):
+        push = min(np.min(robot().acceleration / rates[end]) for end in (k, k + 1))
+        shares = np.array([0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.3])
+        ramps = [1e-3 * abs(feed**2 - other**2) / (2 * push) for other in (slower, faster)]
+        expected += [*(45 * k + ramps[0] * shares), *(45 * (k + 1) - ramps[1] * shares)]
+        expected += [45 * k + 9 * step for step in range(1, 6)]
+    np.testing.assert_allclose(position[:, 0] - 1100, np.sort(expected), atol=2e-3)
+
+
 @pytest.mark.parametrize(("length", "feed"), [(0.4, 0.2), (0.4, np.nan), (0.4, 0.0), (0.0, 0.2), (0.05, 5.0), (0.4, 3.0)])
 def test_a_joint_move_goes_no_faster_on_average_than_its_feed(length: float, feed: float) -> None:
     """As a share of the move: the slowest joint's trapezoid, its highest rate no more than feed over length where both are
