@@ -42,7 +42,8 @@ def test_64_megabytes_beside_a_program_are_looked_through(tmp_path: Path, megaby
 @pytest.mark.parametrize(("body", "drives"), [
     (TARGET, True), (f"IF bReady {TARGET}", True), (f"IF bReady THEN {TARGET} ENDIF", True), (f"again: {TARGET}", True),
     (f"TEST n CASE 1: {TARGET} ENDTEST", True), (f"MoveL\n{TARGET[6:]}", True), (TARGET.upper(), True),
-    ("IF bReady SearchL di1,p,q,v10,tool0;", True), ("rCut;", True), ("IF bReady rCut;", True), ("IF bReady THEN rCut; ENDIF", True), ("FOR k FROM 1 TO 2 DO rCut; ENDFOR", True),
+    ("IF bReady SearchL di1,p,q,v10,tool0;", True), ("rCut;", True),
+    ("IF bReady rCut;", True), ("IF bReady THEN rCut; ENDIF", True), ("FOR k FROM 1 TO 2 DO rCut; ENDFOR", True),
     ("rCut nDeep:=5;", True), ("rCut\n  5;", True), ("again: RCUT 5;", True), ('%"rCut"%;', True), ("rLeads;", True),
     ("", False), ("rIdle;", False), (f"! {TARGET}", False), (f"n:=1; ! {TARGET}", False), ('TPWrite "MoveL now";', False),
     ("nMoveL:=1;", False), ("! rCut;", False), ('TPWrite "rCut; next";', False), ('TPWrite "5 % rCut";', False),
