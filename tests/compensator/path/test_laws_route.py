@@ -3,6 +3,7 @@ way, and the derivatives of the joints."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -157,6 +158,11 @@ def test_an_arc_is_looked_at_every_three_degrees_and_the_tool_turns_with_the_way
     assert np.diff(angle[arc]).max() > 2.5
     assert set(route.leg[arc][angle[arc] < 59.9]) == {2}
     assert set(route.leg[arc][angle[arc] > 60.1]) == {3}
+    for leg, first, last in ((2, 0, 60), (3, 60, 100)):
+        for tangent, at_angle in ((route.legs.first, first), (route.legs.last, last)):
+            way = np.array([-np.sin(np.radians(at_angle)), np.cos(np.radians(at_angle)), 0])
+            np.testing.assert_allclose(tangent[leg] @ plane, way, atol=1e-6)
+        assert 1e3 * route.legs.length[leg] == pytest.approx(30 * np.radians(last - first), abs=1e-6)
     np.testing.assert_allclose(1e3 * (route.s[arc] - route.s[arc][0]), 30 * np.radians(angle[arc]), atol=1e-6)
 
 
@@ -191,24 +197,27 @@ def test_where_the_wrist_turns_fast_it_is_looked_at_more_closely(tmp_path: Path,
 
 def test_ramps_are_looked_at_from_a_quarter_of_them_to_beyond_their_end(tmp_path: Path) -> None:
     """From rest to 20 mm/s, on to 80, down to 50, to rest: each as long as the joint of the least acceleration along the path
-    needs; beside them every centimetre alone."""
-    corner, feeds, way = np.array([[1100.0 + 45 * k, 0, 700] for k in range(4)]), [20.0, 80.0, 50.0], np.array([1.0, 0, 0])
-    rates = []
-    for k in range(4):
-        behind, ahead = turning(tmp_path, [list(corner[k] - 0.5 * way), list(corner[k] + 0.5 * way)], [0, 0], "fine").theta
-        rates.append(np.abs(ahead - behind) / 1e-3)
-    path = program(tmp_path, [f"MoveJ {target(corner[0])},v5,fine,tSpindle;", *(
-        f"MoveL {target(corner[k + 1])},[{feed},500,5000,1000],{'fine' if k == 2 else 'z5'},tSpindle;"
-        for k, feed in enumerate(feeds))])
-    _, position, _ = driven(path)
+    needs, which is one that turns the tool; beside them every centimetre alone. The feed of a corner is the slower one."""
+    corner, turns, feeds = np.array([[1100.0 + 45 * k, 0, 700] for k in range(4)]), np.array([0.0, 6, 0, 7]), [20.0, 80.0, 50.0]
+    path = turning(tmp_path, corner.tolist(), turns.tolist(), "z20", "v5")
+    feed = np.array([5.0, *feeds])
+    path = replace(path, toolpath=replace(path.toolpath, feed=1e-3 * feed))
+    route, position, _ = driven(path)
     expected = [0.0]
-    for k, (slower, feed, faster) in enumerate(((0, 20, 80), (20, 80, 50), (80, 50, 0))):
-        push = min(np.min(robot().acceleration / rates[end]) for end in (k, k + 1))
+    for k, (slower, own, faster) in enumerate(((0, 20, 80), (20, 80, 50), (80, 50, 0))):
+        push = np.inf
+        for share in (0.5 / 45, 1 - 0.5 / 45):
+            near = [share - 0.5 / 45, share + 0.5 / 45]
+            behind, ahead = turning(tmp_path, [(corner[k] + one * (corner[k + 1] - corner[k])).tolist() for one in near],
+                                    [turns[k] + one * (turns[k + 1] - turns[k]) for one in near], "fine").theta
+            push = min(push, np.min(robot().acceleration / (np.abs(ahead - behind) / 1e-3)))
         shares = np.array([0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.3])
-        ramps = [1e-3 * abs(feed**2 - other**2) / (2 * push) for other in (slower, faster)]
+        ramps = [1e-3 * abs(own**2 - other**2) / (2 * push) for other in (slower, faster)]
         expected += [*(45 * k + ramps[0] * shares), *(45 * (k + 1) - ramps[1] * shares)]
         expected += [45 * k + 9 * step for step in range(1, 6)]
-    np.testing.assert_allclose(position[:, 0] - 1100, np.sort(expected), atol=2e-3)
+    along = position[:, 0] - 1100
+    np.testing.assert_allclose(along, np.sort(expected), atol=5e-3)
+    np.testing.assert_allclose(1e3 * route.feed, np.where(along < 45 + 1e-6, 20, np.where(along < 90 - 1e-6, 80, 50)))
 
 
 @pytest.mark.parametrize(("length", "feed"), [(0.4, 0.2), (0.4, np.nan), (0.4, 0.0), (0.0, 0.2), (0.05, 5.0), (0.4, 3.0)])
