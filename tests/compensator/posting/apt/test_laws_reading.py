@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from compensator.posting.apt import read_apt
 from compensator.toolpath import Move
+from identification.common.findings import CompstiffError
 from tests.compensator.posting.apt.interpreter import visited
 
 HEAD = "UNITS/MM\nFEDRAT/600,MMPM\n"
@@ -296,6 +297,37 @@ def test_a_turn_with_six_decimals_is_one(read, degrees):
     path = read(f"UNITS/MM\nFEDRAT/600\nTRACUT/{rows}\nGOTO/10,20,30,0,0,1\n")
     np.testing.assert_allclose(1e3 * path.position[0], rotation @ [10, 20, 30] + [5, 6, 7], atol=1e-4)
     np.testing.assert_allclose(path.axis[0], rotation[:, 2], atol=1e-6)
+
+
+@pytest.mark.parametrize(("rows", "told"), [
+    ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], False), ([[1.000004, 0, 0], [0, 1, 0], [0, 0, 1]], False),
+    ([[1.000006, 0, 0], [0, 1, 0], [0, 0, 1]], True), ([[1, 0.000009, 0], [0, 1, 0], [0, 0, 1]], False),
+    ([[1, 0.000011, 0], [0, 1, 0], [0, 0, 1]], True), ([[1.3, 0, 0], [0, 1.3, 0], [0, 0, 1.3]], True),
+    ([[1, 0, 0], [0, 1, 0], [0, 0, -1]], True), ([[0, 1, 0], [1, 0, 0], [0, 0, 1]], True),
+    ([[0, 0, 0], [0, 0, 0], [0, 0, 0]], True), ([[0, 1, 0], [0, 0, 1], [1, 0, 0]], False), ([[1e300] * 3] * 3, True)])
+def test_what_scales_skews_or_mirrors_is_no_turn(read, rows, told):
+    """From a hundred thousandth on, of the products of the rows."""
+    numbers = ",".join(f"{value:.6f}" if abs(value) < 10 else f"{value}" for row in rows for value in (*row, 0))
+    text = f"UNITS/MM\nFEDRAT/600\nTRACUT/{numbers}\nGOTO/10,20,30,0,0,1\nTRACUT/NOMORE\nGOTO/1,2,3\n"
+    if told:
+        with pytest.raises(CompstiffError) as stopped:
+            read(text)
+        [said] = stopped.value.findings
+        assert (said.code, said.line, said.column) == ("CS2182", 3, 8)
+        return
+    path = read(text)
+    np.testing.assert_allclose(1e3 * path.position, [np.array(rows) @ [10, 20, 30], [1, 2, 3]], atol=1e-3)
+
+
+@pytest.mark.parametrize(("before", "starts"), [("GOTO/30,0,0\n", True), ("FROM/30,0,0\n", False), ("", False)])
+def test_an_arc_begins_where_a_target_stands(read, before, starts):
+    """Where FROM says that the tool is nobody has driven it to."""
+    text = f"UNITS/MM\nFEDRAT/600\n{before}CIRCLE/0,0,0,0,0,1,30\nGOTO/0,30,0\n"
+    if starts:
+        np.testing.assert_allclose(1e3 * read(text).position[-1], [0, 30, 0], atol=1e-9)
+        return
+    with pytest.raises(CompstiffError, match="CS2108: no GOTO before this arc says where it starts"):
+        read(text)
 
 
 def test_home_is_where_from_said(read):
