@@ -14,12 +14,15 @@ from compensator.rapid import JOINED
 MOST_BYTES, MOST_FILES = 64 << 20, 200
 # Of text in lower case.
 _PROC = re.compile(rb"(?<!end)\bproc[ \t]+([\w\x80-\xff]+)")
-_DRIVES = re.compile(rb"(?m)(?:^|;)[ \t]*(?:move(?:[ljc](?:do|ao|go|sync)?|absj)|trigg(?:[ljc]|absj)|search[lc])\b")
+_INSTRUCTION = rb"(?:move(?:[ljc](?:do|ao|go|sync)?|absj)|trigg(?:[ljc]|absj)|search[lc])(?![\w\x80-\xff])"
+_DRIVES = re.compile(rb"(?m)(?:^|;)[ \t]*" + _INSTRUCTION)
+# Behind IF, THEN, DO, a label or a CASE: asked of text without comments and strings, but for the name in a call by name.
+_DRIVES_THERE = re.compile(rb"(?<![\w\x80-\xff.\\])" + _INSTRUCTION)
+_NO_CODE = re.compile(rb'(%"[^"\r\n]*"%)|"[^"\r\n]*"|![^\r\n]*')
 _ROUTINES = re.compile(rb"(?ms)(?:^|;)[ \t]*(?:local[ \t]+)?(proc|func|trap)\b.*?\bend\1\b")
 _DATA = re.compile(rb"(?m)(?:^|;)[ \t]*(?:task[ \t]+)?(?:const|pers|var)[ \t]+[\w\x80-\xff]+[ \t]+([\w\x80-\xff]+)")
 _MAIN = re.compile(rb"(?m)^[ \t]*(?:local[ \t]+)?proc[ \t]+main\b")
 _WORDS = re.compile(rb"[\w\x80-\xff]+")
-_CALLS = re.compile(rb"(?m)(?:^|;)[ \t]*([\w\x80-\xff]+)[^;:=\r\n]*;")
 
 
 def driving_beside(file: Path, called: Iterable[str]) -> dict[str, str]:
@@ -38,10 +41,11 @@ def driving_beside(file: Path, called: Iterable[str]) -> dict[str, str]:
                 continue
             holds[name] = name_of_file
             body = data[match.end():max(data.find(b"endproc", match.end()), match.end())]
-            if _DRIVES.search(body):
+            if _DRIVES.search(body) or _DRIVES_THERE.search(body := _NO_CODE.sub(rb" \1 ", body)):
                 drives.add(name)
-            else:
-                calls[name] = {word.decode("utf-8", errors="replace") for word in _CALLS.findall(body)}
+            else:           # what else it names, but for its own data, may be a routine
+                calls[name] = {word.decode("utf-8", errors="replace")
+                               for word in {*_WORDS.findall(body)} - {*_DATA.findall(body)}}
     grown = True
     while grown:
         more = {name for name, others in calls.items() if others & drives} - drives

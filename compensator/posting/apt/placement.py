@@ -31,7 +31,7 @@ class Placement:
         """TRACUT/ with the three rows a, b, c, d of x' = a x + b y + c z + d, and TRACUT/NOMORE. scale: metres in a unit.
         Raises CompstiffError (CS2101, CS2182) for anything but a turn and a shift."""
         if statement.arguments == ["NOMORE"]:
-            self._rotation, self._shift = None, np.zeros(3)
+            self._rotation = None
             return
         self._rotation, self._shift = _matrix(statement, scale)
 

@@ -37,3 +37,26 @@ def test_64_megabytes_beside_a_program_are_looked_through(tmp_path: Path, megaby
     with (tmp_path / "a.mod").open("wb") as other:
         other.truncate(megabytes << 20)
     assert len(told(tmp_path, "zz.mod", 0)) == found
+
+
+@pytest.mark.parametrize(("body", "drives"), [
+    (TARGET, True), (f"IF bReady {TARGET}", True), (f"IF bReady THEN {TARGET} ENDIF", True), (f"again: {TARGET}", True),
+    (f"TEST n CASE 1: {TARGET} ENDTEST", True), (f"MoveL\n{TARGET[6:]}", True), (TARGET.upper(), True),
+    ("IF bReady SearchL di1,p,q,v10,tool0;", True), ("rCut;", True),
+    ("IF bReady rCut;", True), ("IF bReady THEN rCut; ENDIF", True), ("FOR k FROM 1 TO 2 DO rCut; ENDFOR", True),
+    ("rCut nDeep:=5;", True), ("rCut\n  5;", True), ("again: RCUT 5;", True), ('%"rCut"%;', True), ("rLeads;", True),
+    ("", False), ("rIdle;", False), (f"! {TARGET}", False), (f"n:=1; ! {TARGET}", False), ('TPWrite "MoveL now";', False),
+    ("nMoveL:=1;", False), ("! rCut;", False), ('TPWrite "rCut; next";', False), ('TPWrite "5 % rCut";', False),
+    ("rCutNot;", False), ("AccSet 50,50;", False),
+    ("VAR num rCut:=5;\nSet do1,rCut;", False), ('%"rIdle"%; TPWrite "rCut";', False)])
+def test_a_routine_beside_drives_that_moves_or_calls_one_that_does_wherever_on_its_line(
+    tmp_path: Path, body: str, drives: bool
+) -> None:
+    """Behind IF, THEN, DO, a label or a CASE too; not in a comment or in a text."""
+    (tmp_path / "other.mod").write_text(
+        f"MODULE Other\nPROC rHome()\n{body}\nENDPROC\nPROC rLeads()\nIF bReady rCut;\nENDPROC\nPROC rIdle()\nSet do1;\n"
+        f"ENDPROC\nPROC rCut(num n)\n{TARGET}\nENDPROC\nENDMODULE\n")
+    (tmp_path / "part.mod").write_text(f"MODULE Part\nPROC main()\n{TARGET}\nrHome;\nENDPROC\nENDMODULE\n")
+    read = read_toolpath(tmp_path / "part.mod", read_cell(write_cell(tmp_path)))
+    said = [one.message for one in read.toolpath.findings if one.code == "CS2016"]
+    assert ["rHome in other.mod, beside this file, drives" in message for message in said] == [True] * drives

@@ -262,6 +262,16 @@ def test_a_target_is_out_of_line_where_the_cut_goes_three_steps_out_and_back_onc
     assert said(cam_path) == ["CS4319"] * told
 
 
+def test_the_step_in_the_middle_is_that_of_the_steps_between_two_cuts() -> None:
+    """Ten of 2 mm, eight of 6, and the way out and back; the last one, of 20, leads to a cut that none follows."""
+    step = [2.0] * 10 + [6.0] * 8 + [0.0, 0.0, 20.0]
+    points = np.column_stack([np.append(0, np.cumsum(step)), np.zeros((22, 2))])
+    points[19, 1] = 30.0
+    [found] = said_of_moves(path(points, np.zeros(22, dtype=bool)), np.tile(UPWARDS, (22, 1)), PostingSettings())
+    assert (found.code, found.line) == ("CS4319", 19 + 2)
+    assert found.message.endswith("30 mm off both its neighbours, which are 0 mm apart; steps are 4 mm, in the middle")
+
+
 @pytest.mark.parametrize(("zone", "worst"), [(0.75, "0.27"), (0.65, "")])
 def test_a_zone_is_told_that_takes_over_a_quarter_of_a_millimetre_off_a_corner(zone: float, worst: str) -> None:
     """A parabola from `zone` before to `zone` behind a right angle: its middle misses the corner by zone / sqrt(8). So too

@@ -82,6 +82,17 @@ def test_several_corrections_of_one_target():
     assert (finding.code, finding.level, finding.count) == ("CS2041", "note", 4)
 
 
+@pytest.mark.parametrize("corrected", [[0, 1, 2, 3, 4], [4, 2, 0], [1, 2, 3]])
+def test_what_stands_between_corrected_moves_stays(corrected):
+    """However many follow one another, in whichever order they are given."""
+    lines = [f"  MoveL {target(x)},{MOVE} ! {x}" for x in (10, 20, 30, 40, 50)]
+    written = shift(program("\n".join(lines)), corrected, [[k + 1, 0, 0] for k in corrected])
+    wanted = [line.replace(f"[[{10 * (k + 1)},", f"[[{11 * (k + 1)}.0000,") if k in corrected else line
+              for k, line in enumerate(lines)]
+    assert written.content.decode() == program("\n".join(wanted))
+    assert written.numbers == len(corrected)
+
+
 def test_equal_corrections_to_the_written_digits_are_one():
     text = program(f"MoveL p,{MOVE}MoveL p,{MOVE}", f"CONST robtarget p:={target(1)};")
     written = shift(text, [0, 1], [[0.1, 0, 0], [0.10001, 0, 0]])
@@ -102,6 +113,30 @@ def test_a_target_used_elsewhere_keeps_its_declaration(use):
     written = shift(text, [0], [TENTH])
     assert changed(text, written.content) == [
         f"LOCAL CONST robtarget p_c1:=[[1.1000,0.2000,0.3000],[1,0,0,0],[0,0,0,0],{UNUSED}];", f"MoveL p_c1,{MOVE}"]
+
+
+@pytest.mark.parametrize("spelled", ["p{1,n}", "p{m,2}", "p{m,n}", "p{m+0,2}", "p{1,2}"])
+@pytest.mark.parametrize("corrected", [[0], [0, 1], [1, 2]])
+def test_an_element_is_corrected_where_it_is_named_and_nowhere_else(spelled, corrected):
+    """In whichever way its indices are written: another move to it, and its neighbours, stay where they are."""
+    text = program(f"MoveL {spelled},{MOVE}\nMoveL p{{1,2}},{MOVE}\nMoveL p{{2,2}},{MOVE}\nMoveL p{{1,1}},{MOVE}",
+                   "CONST num n:=2;\nCONST num m:=1;\nPERS robtarget p{2,2}:="
+                   f"[[{target(1)},{target(2)}],[{target(3)},{target(4)}]];")
+    wanted = [2.0, 2.0, 4.0, 1.0]
+    for k in corrected:
+        wanted[k] += 0.1 * (k + 1)
+    written = shift(text, corrected, [[0.1 * (k + 1), 0, 0] for k in corrected])
+    assert millimetres(read_rapid(written.content).toolpath) == [[x, 0, 0] for x in wanted]
+
+
+def test_declarations_stand_in_the_order_of_the_moves_that_need_them():
+    """The tenth behind the ninth."""
+    text = program("\n".join([f"MoveL p,{MOVE}"] * 11), f"CONST robtarget p:={target(1)};")
+    written = shift(text, list(range(11)), [[k + 1, 0, 0] for k in range(11)])
+    assert changed(text, written.content) == [
+        *(f"LOCAL CONST robtarget p_c{k}:={target(f'{k + 1}.0000')};" for k in range(1, 12)),
+        *(f"MoveL p_c{k},{MOVE}" for k in range(1, 12))]
+    assert (written.numbers, written.declarations) == (11, 11)
 
 
 def test_a_name_that_only_looks_alike_is_no_use():
@@ -144,6 +179,14 @@ def test_added_declarations_have_the_line_end_and_encoding_of_the_file(end, enco
     text_back = written.decode(encoding).replace(end, "")
     assert "\r" not in text_back
     assert "\n" not in text_back
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\r\r\n"])
+@pytest.mark.parametrize("before", ["", "! a line\n", "! a line\r\n\r\n"])
+def test_behind_the_last_line_without_an_end_stands_that_of_the_line_before(end, before):
+    text = f"{before}MoveL p,{MOVE} MoveL p,{MOVE}{end} CONST robtarget p:={target(1)};"
+    assert shift(text, [1], [[1, 0, 0]]).content.decode() == text.replace("MoveL p,", "MoveL p_c1,").replace(
+        "MoveL p_c1,", "MoveL p,", 1) + f"{end} LOCAL CONST robtarget p_c1:={target('2.0000')};"
 
 
 def test_a_declaration_in_the_middle_of_a_line():
@@ -193,6 +236,7 @@ def test_offs_and_reltool_become_targets_in_numbers():
         f"MoveC [[10.0000,20.0000,25.0000],[0.00000000,0.70710678,-0.70710678,0.00000000],{rest},p,{MOVE}"]
     finding, = written.findings
     assert (finding.code, finding.level, finding.count, finding.target) == ("CS2040", "note", 2, 0)
+    assert written.numbers == 14
 
 
 def test_an_alias_gets_numbers_of_its_own():
@@ -201,6 +245,15 @@ def test_an_alias_gets_numbers_of_its_own():
     assert millimetres(read_rapid(written.content).toolpath) == [[1, 0, 0], [1.1, 0.2, 0.3]]
     assert b"q:=[[1.1000," in written.content
     assert shift(text, [0], [TENTH]).declarations == 1          # q still needs the old p
+
+
+def test_an_alias_that_became_numbers_is_told_and_its_numbers_are_counted():
+    """Alone in the modules of its file, and where others may name it."""
+    for reach, codes in (("LOCAL ", ["CS2040"]), ("", ["CS2040", "CS3270"])):
+        text = program(f"MoveL p,{MOVE}\nMoveL q,{MOVE}", f"CONST robtarget p:={target(1)};\n{reach}CONST robtarget q:=p;")
+        written = shift(text, [1], [TENTH])
+        assert (written.numbers, written.declarations) == (7, 0)
+        assert [(one.code, one.target, one.count) for one in written.findings] == [(code, 1, 1) for code in codes]
 
 
 def test_symbols_stay_unless_they_must_change():

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from compensator.rapid import read_rapid
-from tests.compensator.rapid.small_programs import target
+from tests.compensator.rapid.small_programs import path, target
 
 COMPARES = {"=": lambda a, b: a == b, "<": lambda a, b: a < b, ">": lambda a, b: a > b, "<>": lambda a, b: a != b}
 
@@ -159,3 +159,27 @@ def test_every_way_that_inputs_may_lead_along_is_among_those_that_are_followed(s
     if runs.open or driven(author, [True] * 8) is not None:
         return
     assert {tuple(way.order.tolist()) for way in runs.ways} >= meant - {None}, text
+
+
+A, B, C = (f"MoveL {target(place)},v100,z1,tool0;\n" for place in (1, 2, 3))
+
+
+@pytest.mark.parametrize(("body", "declared", "driven"), [
+    (f"n:=2;\nIF n=2 THEN\n{A}ELSE\n{B}ENDIF\n{C}", "VAR num n:=1;", [0, 2]),
+    (f"n:=2;\nn:=3;\nIF n=2 THEN\n{A}ELSE\n{B}ENDIF\n{C}", "VAR num n:=1;", [1, 2]),
+    (f"b:=TRUE;\nIF b THEN\n{A}ELSE\n{B}ENDIF\n{C}", "VAR bool b;", [0, 2]),
+    (f"{A}rSub 2;\n{C}ENDPROC\nPROC rSub(num k)\nk:=k+1;\nIF k=3 THEN\n{B}ENDIF", "", [0, 2, 1]),
+    (f"{A}rSub 2;\n{C}ENDPROC\nPROC rSub(num k)\nk:=k+1;\nIF k=2 THEN\n{B}ENDIF", "VAR num k:=2;", [0, 1])])
+def test_the_moves_that_are_driven_by_what_the_program_itself_assigns(body, declared, driven) -> None:
+    """The value that was assigned last, of a parameter that of this call."""
+    found = path(body, declared).driven
+    assert found is not None
+    assert found.tolist() == driven
+
+
+@pytest.mark.parametrize(("before", "turns"), [("", set()), (A, set(range(9)))])
+def test_a_loop_whose_calls_drive_all_moves_is_the_cell_that_waits_for_the_next_part(before: str, turns: set[int]) -> None:
+    """Of one with a move beside it each number of turns is a way of its own."""
+    read = path(f"{before}WHILE bReady DO\nrPart;\nENDWHILE\nENDPROC\nPROC rPart()\n{B}rEnd;\nENDPROC\nPROC rEnd()\n{C}")
+    assert {way.turns[0] for way in read.ways} == turns
+    assert read.driven is None

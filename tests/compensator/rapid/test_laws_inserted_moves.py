@@ -150,3 +150,20 @@ def test_a_call_that_stops_is_not_repeated(tail: str, own: bool, flies: bool) ->
     read = load(f"MODULE M\nPROC main()\ncut {target(1)};\ncut {target(2)};\n{OWN.replace('v100,z1,tool0', tail)}\nENDPROC\n"
                 f"{routine}ENDMODULE")
     assert [follows_directly(read, k) for k in range(3)] == [False, flies, own]
+
+
+def test_moves_calls_loops_and_arcs_of_one_program_all_get_their_further_targets() -> None:
+    """Whatever the others are, in whichever order they are asked for."""
+    loop = "FOR k FROM 1 TO Dim(pts,1) DO\nMoveL pts{k},v100,z1,tool0;\nENDFOR"
+    text = (f"MODULE M\nLOCAL CONST robtarget pts{{2}}:=[{target(5)},{target(6)}];\nPROC main()\n{OWN}\n"
+            f"cut {target(3)};\n{OWN}\n{OWN}\nMoveC {ARC[0]},{ARC[1]},v100,z0,tool0;\n{loop}\nENDPROC\n{CUT}ENDMODULE")
+    read = load(text)
+    assert [follows_directly(read, k) for k in range(8)] == [False, True, True, True, True, False, True, True]
+    expected = text.replace(f"cut {target(3)};", f"cut {new(11)};\ncut {target(3)};").replace(
+        f"{OWN}\n{OWN}", f"{OWN}\nMoveL {new(12)},v100,z1,tool0;\n{OWN}").replace(
+        f"MoveC {ARC[0]}", f"MoveC {new(13, '[1,0,0,0]')},{ARC[0]},v100,z0,tool0;\nMoveC {new(14, '[2,0,0,0]')}").replace(
+        f",{target(6)}]", f",{new(15)},{target(6)}]").replace("pts{2}", "pts{3}")
+    asked = [MoreMoves(1, linear=[pose(11)]), MoreMoves(7, linear=[pose(15)]), MoreMoves(3, linear=[pose(12)]),
+             MoreMoves(4, halves=([pose(13)], [pose(14)]))]
+    for order in (asked, asked[::-1]):
+        assert more(text, *order) == expected

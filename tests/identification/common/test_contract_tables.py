@@ -440,6 +440,28 @@ def test_times_by_the_clock_are_offered_where_they_would_be_read(tmp_path: Path,
 
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\n\n"])
+@pytest.mark.parametrize("separator", [",", " "])
+def test_a_long_table_is_the_same_in_blocks_of_any_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str, separator: str
+) -> None:
+    """Rows and the lines they stand on, with a row in quotes and one empty line more among them."""
+    file = tmp_path / "table.csv"
+    rows = [f"{k}{separator}{k / 8:g}" for k in range(9)]
+    rows[4] += end
+    if separator == ",":
+        rows[6] = '"6","0.75"'
+    file.write_bytes(end.join([separator.join(NAMES), *rows]).encode())
+    layout, step = read_layout(file), 1 + (end == "\n\n")
+    lines = [2 + step - 1 + step * (k + (k > 4)) for k in range(9)]
+    for size in (1, 2, 3, 5, 7, 12, 1000):
+        monkeypatch.setattr(number_blocks, "BLOCK_BYTES", size)
+        blocks = list(text_blocks(file, layout, NAMES))
+        assert np.concatenate([line for _, line in blocks]).tolist() == lines, size
+        assert np.concatenate([numbers["a_mm"] for numbers, _ in blocks]).tolist() == list(range(9))
+        assert np.concatenate([numbers["b_mm"] for numbers, _ in blocks]).tolist() == [k / 8 for k in range(9)]
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 @pytest.mark.parametrize("last", [True, False])
 @pytest.mark.parametrize("separator", [",", " "])

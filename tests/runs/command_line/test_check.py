@@ -462,6 +462,21 @@ def test_places_that_do_not_serve_are_told_before_there_is_a_log(
     assert words in found["message"]
 
 
+@pytest.mark.parametrize(("move", "told"), [("MoveL", True), ("MoveJ", False)])
+def test_only_a_move_that_may_cut_is_told_of_its_place_and_with_its_log_one_that_cuts(
+    folder: Path, move: str, told: bool
+) -> None:
+    """The first is in a work object that nobody declares, which is said of it either way; it has no force."""
+    program = folder / "part.mod"
+    program.write_text(program.read_text().replace("MoveL", move, 1).replace("\\WObj:=wPart", "\\WObj:=wOther", 1))
+    alone, logged = check(folder, program), check(folder, program, folder / "part.forces.csv", "--tare", "0:1")
+    assert (alone.code, logged.code) == (0, 0), logged
+    assert [finding["target"] for finding in alone.json["findings"] if finding["code"] == "CS4104"] == [0] * told
+    assert "CS4104" not in kit.codes(logged)
+    assert "CS2021" in kit.codes(alone)
+    assert "CS2021" in kit.codes(logged)
+
+
 @pytest.mark.parametrize("text", ["", "MODULE A\nENDMODULE\n"])
 def test_a_program_without_a_move_is_none(folder: Path, text: str) -> None:
     """As correct says it."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from compensator.posting.apt import read_apt
 from tests.runs.command_line import user_files as kit
 
 SAMPLE = Path(__file__).parents[4] / "samples" / "cell.yaml"
@@ -49,3 +50,12 @@ def test_what_moves_on_from_where_another_tool_was_is_refused(tmp_path: Path) ->
     run = kit.run("post", tmp_path / "cell.yaml", tmp_path / "back.apt", "-o", tmp_path / "back.mod", "--tool", "1", "--json")
     assert (run.code, kit.codes(run)) == (1, {"CS2102"})
     assert not (tmp_path / "back.mod").exists()
+
+
+@pytest.mark.parametrize(("tool", "rapid"), [("1", [False, False, True]), ("2", [False, True]), ("3", [True, False])])
+def test_rapid_is_the_next_motion_s_of_the_same_tool_alone(tmp_path: Path, tool: str, rapid: list[bool]) -> None:
+    """What stands before a change of tools is not carried over to the tool that comes in."""
+    (tmp_path / "three.apt").write_text(
+        "UNITS/MM\nFEDRAT/600,MMPM\nLOADTL/1\nGOTO/0,0,9\nRAPID\nLOADTL/2\nGOTO/0,0,0\nRAPID\nGOTO/0,0,5\nRAPID\nLOADTL/1\n"
+        "GOTO/0,0,1\nRAPID\nGOTO/0,0,7\nLOADTL/3\nRAPID\nGOTO/0,0,8\nGOTO/0,0,2\n")
+    assert read_apt(tmp_path / "three.apt", tool).rapid.tolist() == rapid

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from compensator.posting.apt import read_apt
 from compensator.toolpath import Move
+from identification.common.findings import CompstiffError
 from tests.compensator.posting.apt.interpreter import visited
 
 HEAD = "UNITS/MM\nFEDRAT/600,MMPM\n"
@@ -256,6 +257,78 @@ def test_what_the_machine_should_do_becomes_comments_and_unknown_words_are_count
     assert not {"CS2104", "CS2111", "CS2114"} & set(codes(read(
         "PARTNO BRACKET\n" + HEAD + "GOTO/1,0,0\nFINI\n$$ the end\n$$-> END /\n")))
     assert len(path) == 1
+
+
+def driven_hole(path) -> list[tuple[float, float, bool, bool]]:
+    """x and z [mm], whether in the air, whether a stop, of each target."""
+    return [(*row, rapid, stop) for row, rapid, stop in zip(np.round(1e3 * path.position[:, [0, 2]], 9).tolist(),
+                                                           path.rapid.tolist(), path.stop.tolist(), strict=True)]
+
+
+@pytest.mark.parametrize(("word", "up"), [("RTRCTO,4", 14), ("RETURN,20", 30), ("RTRCTO,AUTO", 12), ("", 12)])
+def test_a_hole_from_below_its_clearance_is_driven_peck_by_peck(read, word, up):
+    """The surface at 10 mm, 2 mm of clearance: up in the air where the tool is, across, then 3, 5 and 6 mm deep; after each
+    peck out, and back in the air to 1 mm above the depth reached."""
+    cycle = f"CYCLE/DEEP,DEPTH,6,CLEAR,2,STEP,3,SUBPECK,2,MMPM,60{',' if word else ''}{word}"
+    path = read(f"UNITS/MM\nFEDRAT/600\nGOTO/0,0,11\n{cycle}\nGOTO/30,0,10\nCYCLE/OFF\n")
+    assert driven_hole(path) == [
+        (0, 11, False, False), (0, 12, True, False), (30, 12, True, False), (30, 7, False, True), (30, 12, True, False),
+        (30, 8, True, False), (30, 5, False, True), (30, 12, True, False), (30, 6, True, False), (30, 4, False, True),
+        (30, up, True, False)]
+    np.testing.assert_allclose(path.feed[[0, 3, 6, 9]], [10e-3, 1e-3, 1e-3, 1e-3])
+
+
+@pytest.mark.parametrize("first", [0.5, 1.5])
+def test_the_way_back_to_a_depth_is_in_the_air_where_it_begins_above_a_millimetre(read, first):
+    """Without clearance: half a millimetre deep the tool is within one millimetre of it already."""
+    path = read(f"UNITS/MM\nFEDRAT/600\nGOTO/30,0,0\nCYCLE/DEEP,DEPTH,2,CLEAR,0,STEP,{first},SUBPECK,2\n"
+                "GOTO/30,0,0\nCYCLE/OFF\n")
+    back = [(30, 1 - first, True, False)] if first > 1 else []
+    assert driven_hole(path)[1:] == [(30, -first, False, True), (30, 0, True, False), *back, (30, -2, False, True),
+                                     (30, 0, True, False)]
+
+
+@pytest.mark.parametrize("degrees", [(30, 0), (-77, 10), (131, -20), (10, 33), (45, 45)])
+def test_a_turn_with_six_decimals_is_one(read, degrees):
+    """Whether its rounding makes it a little larger or smaller."""
+    turn, lean = np.radians(degrees)
+    rotation = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]]) @ np.array(
+        [[1, 0, 0], [0, np.cos(lean), -np.sin(lean)], [0, np.sin(lean), np.cos(lean)]])
+    rows = ",".join(f"{value:.6f}" for row in np.column_stack([rotation, [5, 6, 7]]) for value in row)
+    path = read(f"UNITS/MM\nFEDRAT/600\nTRACUT/{rows}\nGOTO/10,20,30,0,0,1\n")
+    np.testing.assert_allclose(1e3 * path.position[0], rotation @ [10, 20, 30] + [5, 6, 7], atol=1e-4)
+    np.testing.assert_allclose(path.axis[0], rotation[:, 2], atol=1e-6)
+
+
+@pytest.mark.parametrize(("rows", "told"), [
+    ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], False), ([[1.000004, 0, 0], [0, 1, 0], [0, 0, 1]], False),
+    ([[1.000006, 0, 0], [0, 1, 0], [0, 0, 1]], True), ([[1, 0.000009, 0], [0, 1, 0], [0, 0, 1]], False),
+    ([[1, 0.000011, 0], [0, 1, 0], [0, 0, 1]], True), ([[1.3, 0, 0], [0, 1.3, 0], [0, 0, 1.3]], True),
+    ([[1, 0, 0], [0, 1, 0], [0, 0, -1]], True), ([[0, 1, 0], [1, 0, 0], [0, 0, 1]], True),
+    ([[0, 0, 0], [0, 0, 0], [0, 0, 0]], True), ([[0, 1, 0], [0, 0, 1], [1, 0, 0]], False), ([[1e300] * 3] * 3, True)])
+def test_what_scales_skews_or_mirrors_is_no_turn(read, rows, told):
+    """From a hundred thousandth on, of the products of the rows."""
+    numbers = ",".join(f"{value:.6f}" if abs(value) < 10 else f"{value}" for row in rows for value in (*row, 0))
+    text = f"UNITS/MM\nFEDRAT/600\nTRACUT/{numbers}\nGOTO/10,20,30,0,0,1\nTRACUT/NOMORE\nGOTO/1,2,3\n"
+    if told:
+        with pytest.raises(CompstiffError) as stopped:
+            read(text)
+        [said] = stopped.value.findings
+        assert (said.code, said.line, said.column) == ("CS2182", 3, 8)
+        return
+    path = read(text)
+    np.testing.assert_allclose(1e3 * path.position, [np.array(rows) @ [10, 20, 30], [1, 2, 3]], atol=1e-3)
+
+
+@pytest.mark.parametrize(("before", "starts"), [("GOTO/30,0,0\n", True), ("FROM/30,0,0\n", False), ("", False)])
+def test_an_arc_begins_where_a_target_stands(read, before, starts):
+    """Where FROM says that the tool is nobody has driven it to."""
+    text = f"UNITS/MM\nFEDRAT/600\n{before}CIRCLE/0,0,0,0,0,1,30\nGOTO/0,30,0\n"
+    if starts:
+        np.testing.assert_allclose(1e3 * read(text).position[-1], [0, 30, 0], atol=1e-9)
+        return
+    with pytest.raises(CompstiffError, match="CS2108: no GOTO before this arc says where it starts"):
+        read(text)
 
 
 def test_home_is_where_from_said(read):
