@@ -26,6 +26,7 @@ from identification.fit.row_slips import row_mend
 from identification.fit.slips import FROM_ANOTHER, Slip
 from identification.fit.validation import judge_validation
 from identification.fit.visit_findings import mending as mending_in_words
+from identification.fit.visit_findings import validation_findings
 from identification.fit.visits import VisitScore, VisitTest
 from identification.fit.wrong_angle import likeliest_wrong_angle
 from tests.identification.fit.exact_rows import by_compliance
@@ -199,6 +200,46 @@ def test_a_validation_row_is_an_outlier_that_chance_makes_in_one_of_a_thousand(
     first = int(data.rows.row[data.rows.validate][0])
     assert [row.row for row in judged.rows] == [first] * told
     assert [row.sigmas for row in judged.rows] == pytest.approx([size] * told, rel=1e-3)
+
+
+def test_what_was_not_read_of_a_validation_row_expects_nothing(
+        monkeypatch: pytest.MonkeyPatch, fit: tuple[LoadTest, Any]) -> None:
+    """Of six rows one has no z and one x alone; what is expected of the others is the sensor's noise and what the fit leaves
+    open of its springs. A row that is far off in what was read of it is an outlier all the same."""
+    monkeypatch.setattr(validation, "_visits", lambda *of: ())
+    data = kept_back(fit, 6, [0.0] * 6)
+    mine, deflection = np.flatnonzero(data.rows.validate), data.rows.deflection.copy()
+    deflection[mine[2], 2], deflection[mine[4], 1:] = np.nan, np.nan
+    fitted = fit[1]
+    each = by_compliance(data.rows.theta[mine], data.cell.flange_from_tcp.position, data.rows.wrench[mine, :3])
+    each *= np.exp(fitted.map)
+    variance = (fitted.components.sensor * SIGMA) ** 2 + np.einsum("nij,jk,nik->ni", each, fitted.laplace, each)
+    read = ~np.isnan(deflection[mine])
+    for off in (0.0, 1e-5):
+        deflection[mine[4], 0] += off
+        judged = judge_validation(fitted, data.with_rows(replace(data.rows, deflection=deflection)))
+        assert judged is not None
+        assert judged.expected == pytest.approx(np.sqrt(np.mean(variance[read])), rel=0.01)
+        assert judged.rms == pytest.approx(off / np.sqrt(read.sum()), abs=1e-9)
+        assert (judged.count, [row.row for row in judged.rows]) == (6, [int(data.rows.row[mine[4]])] * bool(off))
+
+
+@pytest.mark.parametrize(("visits", "rows", "fails"), [((2,), 0, False), ((3,), 0, True), ((2,), 1, True), ((1, 2), 0, True)])
+def test_visits_that_are_more_than_a_third_of_the_validation_rows_are_said_as_not_predicted(
+        monkeypatch: pytest.MonkeyPatch, fit: tuple[LoadTest, Any], visits: tuple[int, ...], rows: int, fails: bool) -> None:
+    """Of six rows, where each row by itself would pass, and with one beside them that would not: two visits among a few were
+    found wrong and not a word was said."""
+    data = kept_back(fit, 6, [*np.linspace(1.0, 0.3, 6 - rows), *[1e3] * rows])
+    numbers, taken = data.rows.row[data.rows.validate], np.cumsum((0, *visits))
+    bad = tuple(BadVisit(scored(k, numbers[start:start + size].tolist(), 1e-3), ())
+                for k, (start, size) in enumerate(zip(taken, visits, strict=False)))
+    monkeypatch.setattr(validation, "_visits", lambda *of: bad)
+    judged = judge_validation(fit[1], data)
+    assert judged is not None
+    assert (judged.missed, judged.count, judged.fails) == (sum(visits) + rows, 6, fails)
+    assert judged.visits == (() if fails else bad)
+    assert (judged.rms == judged.rms_without) is fails
+    assert [one.code for one in validation_findings(judged, "m.csv")] == (["CS1737"] if fails else ["CS1733"] * len(visits))
 
 
 @pytest.mark.parametrize(("turns", "told"), [(3, "3 whole turns"), (-3, "3 whole turns"), (4, "")])
