@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from identification.common.findings import CompstiffError
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel, noise_model, residual_std
 from identification.fit.noise_parts import SetUp, VarianceComponents
@@ -114,6 +115,9 @@ def test_a_sensor_s_memory_reaches_back_to_the_beginning_of_its_sixty_four_rows(
     columns = np.random.default_rng(7).standard_normal((rows, 3, 2))
     wanted = np.einsum("nm,mij->nij", np.linalg.inv(4.0 * alike), columns)
     assert_allclose(weights.apply(columns), wanted, atol=1e-9)
+    values = np.tile(weights.components.values, (6000, 1))
+    drawn = noise.draw(values, np.ones(rows), np.random.default_rng(8))[:, 1]
+    assert_allclose(drawn @ drawn.T / 6000, 4.0 * alike, atol=4.0 * 0.08)
 
 
 @pytest.fixture(scope="module")
@@ -157,3 +161,40 @@ def test_how_far_off_a_row_is_expected_to_be(data: LoadTest, set_up: SetUp, degr
         wanted = np.sqrt(heavier * ((1.3 * sensor) ** 2 + own * read) + shared * read + moved)
         assert_allclose(residual_std(data, sizes, 1 / TRUE, more), wanted, rtol=1e-4)
     assert noise_model(data, 1 / TRUE).further is None
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("times", [0.99, 1.01])
+def test_the_two_parts_of_a_force_error_add_up_whichever_way_the_load_points(data: LoadTest, sign: float, times: float) -> None:
+    """To ten thousand sensor's sigmas at most: half of it by a share of the load, half by what any load may be off by."""
+    row, count = 2, len(data.rows)
+    along_x = np.tile([1.0, 0, 0], (count, 1))
+    by_newton = by_compliance(data.rows.theta, data.cell.flange_from_tcp.position, along_x) @ (1 / TRUE)
+    sensor = np.where(np.isnan(data.rows.sigma), data.cell.noise.deflection, data.rows.sigma)
+    read = ~np.isnan(data.rows.deflection[row])
+    newtons = times * 1e4 / np.max(np.abs(by_newton[row] / sensor[row])[read])
+    noise = replace(data.cell.noise, force=np.array([newtons / 2, 0.0, 0.0]), force_relative=0.25)
+    wrench = np.zeros((count, 6))
+    wrench[row, 0] = sign * 2 * newtons
+    large = replace(data, cell=replace(data.cell, noise=noise)).with_rows(replace(data.rows, wrench=wrench))
+    if times < 1:
+        noise_model(large, 1 / TRUE)
+        return
+    with pytest.raises(CompstiffError, match="moves the tool by 1.01e\\+04 times the sensor's 1 sigma") as stopped:
+        noise_model(large, 1 / TRUE)
+    assert [one.line for one in stopped.value.findings] == [int(data.rows.line[row])]
+
+
+def test_a_part_is_there_that_is_stated_of_one_axis_and_of_a_weight_no_set_up(data: LoadTest) -> None:
+    """What hangs is as heavy and as plumb at every pose."""
+    def of(**stated: object) -> NoiseModel:
+        rows = replace(data.rows, hung=np.array([True, False, True, False]))
+        cell = replace(data.cell, noise=replace(data.cell.noise, **stated))
+        return noise_model(replace(data, cell=cell).with_rows(rows), 1 / TRUE)
+
+    one, none = np.array([0.0, 0.0, 2e-6]), np.zeros(3)
+    assert of(force=one, force_relative=0.01, pose_offset=one).active == (True, True, True, True, False, False)
+    assert of(force=none, force_relative=0.01, pose_offset=one).active == (True, True, False, True, False, False)
+    assert of(force=one, force_relative=0.0, pose_offset=none).active == (True, False, True, False, False, False)
+    assert not of().setups[[0, 2]].any()
+    assert np.any(noise_model(data, 1 / TRUE).setups[[0, 2]], axis=(1, 2)).all()
