@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from scipy import stats
 
-from identification.fit import misfit, optional_parts
+from identification.fit import misfit
 from identification.fit.discrepancy import discrepancies
 from identification.fit.fitted_model import Term, with_terms
 from identification.fit.identifiability import JointGrade, grade_joints
@@ -26,7 +26,7 @@ from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.slipped import slipped_mistakes
 from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
-from identification.fit.noise_parts import FORCE, MEMORY, OFFSET, PARTS, SETUP, VarianceComponents
+from identification.fit.noise_parts import MEMORY, OFFSET, PARTS, SETUP, VarianceComponents
 from identification.fit.posterior import posterior
 from identification.fit.profile import profiles
 from identification.fit.slips import slips_of
@@ -312,30 +312,6 @@ def test_the_sizes_of_the_noise_s_parts_are_believed_by_these_densities() -> Non
         assert_allclose(believed(part, False) - wanted, np.log(2.0), atol=1e-12)
     for part in (SETUP, MEMORY):
         assert_allclose(believed(part, False), stats.halfcauchy(scale=2.0).logpdf(np.exp(logs)) + logs, atol=1e-12)
-
-
-@pytest.mark.parametrize(("gained", "asked"), [(2.9, False), (3.1, True)])
-@pytest.mark.parametrize("part", [SETUP, MEMORY])
-def test_a_part_of_the_noise_is_asked_for_that_makes_the_rows_e_3_times_likelier(
-        monkeypatch: pytest.MonkeyPatch, gained: float, asked: bool, part: int) -> None:
-    """Than the usual parts, as large as stated or, those that it may pass for, half or a fifth of that; in one of its sizes."""
-    class Likely:
-        def __init__(self, at: Any, beside: Any) -> None:
-            self.with_it = at.noise.part == part
-
-        def likelihood(self, logs: Array) -> Array:
-            beside = logs[:, FORCE] < np.log(0.6)
-            own = np.abs(logs[:, part] - np.log(5.0)) < 1e-9
-            return np.asarray(np.where(beside, 7.0, 0.0) + gained * (self.with_it & own & beside))
-
-    def noise(part: int) -> Any:
-        return SimpleNamespace(part=part, with_parts=lambda part, set_up: noise(part))
-
-    monkeypatch.setattr(optional_parts, "ComponentPosterior", Likely)
-    monkeypatch.setattr(optional_parts, "possible", lambda noise: (SETUP, MEMORY))
-    monkeypatch.setattr(optional_parts, "replace", lambda at, noise: SimpleNamespace(noise=noise))
-    at: Any = SimpleNamespace(noise=noise(-1))
-    assert optional_parts.asked_for(at, VarianceComponents(), np.zeros((1, 3, 0))).parts == (part,) * asked
 
 
 @pytest.mark.parametrize(("chance", "rejected"), [(1.1e-3, False), (0.9e-3, True)])

@@ -43,6 +43,7 @@ def test_each_stiffness_is_drawn_with_its_interval_and_what_was_known_before() -
     cell: Any = SimpleNamespace(prior=SimpleNamespace(stiffness=2 * K, log_std=np.linspace(0.5, 1.0, 6)))
     fit: Any = SimpleNamespace(model=SimpleNamespace(stiffness=K, interval_95=np.column_stack([0.9 * K, 1.2 * K]), grades=(
         "reliable", "tentative", *["reliable"] * 4)))
+    assert _intervals(cell, fit).panels[0].y.log
     before, now = _intervals(cell, fit).panels[0].series
     assert isinstance(before, Points)
     assert isinstance(now, Points)
@@ -133,6 +134,9 @@ def test_correlations_the_spectrum_and_profiles_are_drawn_as_they_are() -> None:
     assert isinstance(cells, Cells)
     assert_allclose(cells.values, correlation)
     assert figure.caption == "Least certain: k3."
+    assert _spectrum(fit).panels[0].y.log
+    assert _profiles(fit).panels[0].x.log
+    assert _profiles(fit).panels[0].y.from_zero
     bars, rule = _spectrum(fit).panels[0].series
     assert isinstance(bars, Bars)
     assert isinstance(rule, Rule)
