@@ -496,3 +496,30 @@ def test_mistakes_are_looked_for_in_fifteen_hundred_rows(data: LoadTest, rows: i
     """Of more in every second."""
     table: Any = Long(np.zeros(rows, dtype=np.intp))
     assert len(search._thinned(data.with_rows(table)).rows) == looked_at
+
+
+@pytest.mark.parametrize(("loose", "machined", "off"), [
+    ((), False, np.sqrt((4 + 9 + 1) / 5)), ((1,), False, np.sqrt((4 + 1) / 4)), ((0, 1, 2), False, np.sqrt((4 + 9 + 1) / 5)),
+    ((), True, 1.0)])
+def test_rows_are_as_far_off_as_their_noise_allows_but_where_a_cause_may_rest_anywhere(
+        monkeypatch: pytest.MonkeyPatch, loose: tuple[int, ...], machined: bool, off: float) -> None:
+    """RMS over what was read, each in its own noise; where every row may rest anywhere all of them count, and of a machined
+    pass nobody knows what a reading at rest allows."""
+    allowed = np.array([[1.0, 2.0, 1.0], [3.0, 1.0, 1.0], [1.0, 1.0, 5.0]])
+    residual = np.array([[2.0, 0.0, np.nan], [9.0, np.nan, np.nan], [np.nan, 1.0, 0.0]])
+    asked: list[Any] = []
+
+    def residual_std(*of: Any) -> Array:
+        asked.append(of)
+        return allowed
+
+    monkeypatch.setattr(misfit, "residual_std", residual_std)
+    terms = [SimpleNamespace(joint=k, effect=SimpleNamespace(loose=lambda state, joint, values: np.arange(3) == joint))
+             for k in loose]
+    rows = SimpleNamespace(machined_pass=np.array(["", "A" if machined else "", ""]))
+    fitted: Any = SimpleNamespace(
+        data=SimpleNamespace(rows=rows), components="sizes", compliance="springs",
+        at_map=SimpleNamespace(noise=SimpleNamespace(further="more")), terms=terms,
+        term_values=[np.zeros(1)] * len(terms), load_state=None, residual=residual)
+    assert misfit.far_off(fitted) == pytest.approx(off)
+    assert asked == ([] if machined else [(fitted.data, "sizes", "springs", "more")])
