@@ -202,6 +202,17 @@ def test_a_validation_row_is_an_outlier_that_chance_makes_in_one_of_a_thousand(
     assert [row.sigmas for row in judged.rows] == pytest.approx([size] * told, rel=1e-3)
 
 
+def test_an_outlier_is_as_many_times_off_as_the_others_leave_it(
+        monkeypatch: pytest.MonkeyPatch, fit: tuple[LoadTest, Any]) -> None:
+    """Five are off by 3 sigmas each: as far as half of all rows are by chance, times a scale that the sixth has, too."""
+    monkeypatch.setattr(validation, "_visits", lambda *of: ())
+    judged = judge_validation(fit[1], kept_back(fit, 6, [60.0, *[3.0] * 5]))
+    assert judged is not None
+    scale = 9.0 / (3 * stats.f.median(3, 6))
+    assert scale > 2
+    assert [row.sigmas for row in judged.rows] == pytest.approx([60.0 / np.sqrt(scale)], rel=1e-3)
+
+
 def test_what_was_not_read_of_a_validation_row_expects_nothing(
         monkeypatch: pytest.MonkeyPatch, fit: tuple[LoadTest, Any]) -> None:
     """Of six rows one has no z and one x alone; what is expected of the others is the sensor's noise and what the fit leaves
