@@ -145,12 +145,13 @@ def ellipsoid(posterior: Posterior) -> Ellipsoid:
     directions = vectors[:, order].T
     directions = directions * np.sign(directions[np.arange(6), np.argmax(np.abs(directions), axis=1)])[:, None]
     leading = [i for i in np.argsort(-np.abs(directions[0])) if abs(directions[0, i]) > 0.4]
-    names = " and ".join(f"k{i + 1}" for i in leading)
-    if len(leading) > 1:
-        same = np.sign(directions[0, leading[0]]) == np.sign(directions[0, leading[1]])
-        sentence = f"least certain: {names} together, {'in the same sense' if same else 'one against the other'}"
-    else:
-        sentence = f"least certain: {names}"
+    same, opposite = (" and ".join(f"k{i + 1}" for i in leading if directions[0, i] * directions[0, leading[0]] * sign > 0)
+                      for sign in (1, -1))
+    sentence = f"least certain: {same}"
+    if opposite:
+        sentence += f" against {opposite}"
+    elif len(leading) > 1:
+        sentence += " together, in the same sense"
     sentence += f", a factor {np.exp(semi_axes[0]):.3g} either way at the end of the longest axis"
     return Ellipsoid(float(np.pi**3 / 6 * np.prod(semi_axes)), semi_axes, directions, sentence)
 

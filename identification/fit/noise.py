@@ -296,7 +296,7 @@ def noise_model(data: LoadTest, compliance: Array) -> NoiseModel:
     carried = whitening @ compliance_matrix(cell.robot, rows.theta, cell.flange_from_tcp, compliance)[:, :3, :3]
     load, (absolute, relative) = rows.wrench[:, :3], force_error(noise)
     loaded = np.any(load != 0, axis=1)[:, None]
-    _check_parts(data, carried * (relative * load + absolute * loaded)[:, None, :])
+    _check_parts(data, carried * (relative * np.abs(load) + absolute * loaded)[:, None, :])
     setups = USUAL_SETUP * (carried[:, :, :, None] * load[:, None, None, :]).reshape(len(load), 3, 9)
     if rows.hung is not None:
         # A weight is plumb and as heavy at every pose.

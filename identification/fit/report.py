@@ -167,8 +167,8 @@ def _residuals(measurements: Measurements, fit: Fit) -> Figure:
     edge = 1.96e6 * fit.std[some, 2]
     series: list[Series] = [Band("95 % of the noise, z", line, -edge, edge)]
     series += [Points(AXES[axis], line, 1e6 * fit.residual[some, axis], AXIS_COLOURS[axis], size=5) for axis in range(3)]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        inside = 100 * float(np.nanmean(np.abs(fit.residual / fit.std) <= 1.96))
+    read = ~np.isnan(fit.residual)
+    inside = 100 * float(np.mean(np.abs(fit.residual[read]) <= 1.96 * fit.std[read]))
     note = "" if len(line) == len(measurements) else f" {len(line)} of {len(measurements)} rows are drawn, evenly spaced."
     return Figure("Residuals in the order of the rows", "Band: 95 % of the estimated noise (sensor, force error, re-seating), "
                   f"drawn for z; {inside:.0f} % of all components are inside their own." + note, [

@@ -19,7 +19,7 @@ from identification.fit.bad_visits import ALARM, MOST, SCREENING
 from identification.fit.fitted_model import response
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
-from identification.fit.noise import noise_model
+from identification.fit.noise import noise_model, sensor_sigma
 from identification.fit.posterior import Posterior
 from identification.fit.visits import VisitTest, score_visits, tails
 from identification.measurements import Measurements
@@ -49,8 +49,8 @@ class OutlyingRow:
 class Validation:
     """rms: of all validation rows, rms_without: of those that are left [m]. rows, visits: the outliers, the worst first; a
     row of an outlying visit is not told by itself. count: of the rows; missed: how many of them are off by more than their own
-    uncertainty allows, which is `expected` [m] RMS over all of them. numbers (m,): of all rows that are left out of
-    rms_without."""
+    uncertainty allows, by themselves or as a visit, which is `expected` [m] RMS over all of them. numbers (m,): of all rows
+    that are left out of rms_without."""
 
     rms: float
     rms_without: float
@@ -85,10 +85,11 @@ def judge_validation(fitted: Posterior, data: LoadTest, seed: int = 0) -> Valida
     visits = _visits(fitted, data.with_rows(rows.select(~np.isin(rows.row, single))), seed)
     in_visits = np.isin(kept.rows.row, np.concatenate([np.empty(0, dtype=np.intp), *(bad.score.rows for bad in visits)]))
     out = in_visits | np.isin(kept.rows.row, [row.row for row in outlying])
+    count = int(np.sum(missed | in_visits))
     if out.sum() > MOST * len(out):
-        return Validation(rms(residual), rms(residual), (), (), len(out), missed, expected)
+        return Validation(rms(residual), rms(residual), (), (), len(out), count, expected)
     alone = tuple(row for row in outlying if row.row not in kept.rows.row[in_visits])
-    return Validation(rms(residual), rms(residual[~out]), alone, visits, len(out), missed, expected)
+    return Validation(rms(residual), rms(residual[~out]), alone, visits, len(out), count, expected)
 
 
 def _single(rows: Measurements, outlying: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -111,9 +112,9 @@ def _visits(fitted: Posterior, data: LoadTest, seed: int) -> tuple[BadVisit, ...
     return with_mends(VisitTest(test.scores, test.p_value, test.resolution, tuple(bad), scale=test.scale), fitted, data.rows)
 
 
-def _rows(fitted: Posterior, kept: LoadTest, residual: Array) -> tuple[tuple[OutlyingRow, ...], int, float]:
-    """Single rows that are off by more than their prediction's uncertainty allows and than the others are, the worst first; how
-    many are off by more than it allows, whatever the others are; and how far off that expects them to be [m] RMS."""
+def _rows(fitted: Posterior, kept: LoadTest, residual: Array) -> tuple[tuple[OutlyingRow, ...], NDArray[np.bool_], float]:
+    """Single rows that are off by more than their prediction's uncertainty allows and than the others are, the worst first;
+    which (n,) are off by more than it allows, whatever the others are; and how far off that expects them to be [m] RMS."""
     noise = noise_model(kept, fitted.compliance)
     precision = noise.of_rows_alone(fitted.components)
     design = noise.whitening @ response(kept, fitted.map, fitted.terms)[1]
@@ -127,9 +128,8 @@ def _rows(fitted: Posterior, kept: LoadTest, residual: Array) -> tuple[tuple[Out
     degrees = tails(fitted.components.degrees, len(fitted.data.rows))
     scale = max(1.0, float(np.median(squared / (count * f_median(count, degrees))))) if len(squared) >= COMPANY else 1.0
     p_values, alone = (len(squared) * f_tail(squared / (wide * count), count, degrees) for wide in (scale, 1.0))
-    back = np.linalg.inv(noise.whitening)
-    variance = np.einsum("nij,njk,nik->ni", back, allowed, back)
+    std = sensor_sigma(kept) * np.sqrt(np.diagonal(allowed, axis1=1, axis2=2))
     outlying = tuple(
         OutlyingRow(int(kept.rows.row[k]), int(kept.rows.line[k]), residual[k], float(np.sqrt(squared[k] / scale)))
         for k in np.argsort(p_values, kind="stable") if p_values[k] <= ROW_ALARM)
-    return outlying, int(np.sum(alone <= ROW_ALARM)), rms(np.where(measured, np.sqrt(variance), np.nan))
+    return outlying, alone <= ROW_ALARM, rms(np.where(measured, std, np.nan))

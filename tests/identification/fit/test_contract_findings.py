@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from identification.common.chart import Bars
+from identification.common.chart import Band, Bars, Points
 from identification.common.findings import CompstiffError, Finding
 from identification.fit.fit import Fit, _against_prior, _light_rows, _other_noise, fit_stiffness
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, Mend
 from identification.fit.mistakes.judge import common_factor_findings
 from identification.fit.noise import noise_model
-from identification.fit.report import _by_pose, identification_report
+from identification.fit.report import _by_pose, _residuals, identification_report
 from identification.fit.visits import VisitScore
 from tests.identification.fit.test_laws_posterior import NOISY, simulate
 from tests.virtual_cell.arm import IRB6660
@@ -220,6 +220,27 @@ def test_the_report_lists_what_counts_less_and_what_was_left_out(fit: Fit) -> No
         assert words in table
     many = identification_report(replace(fit, row_weight=np.linspace(0.1, 0.9, count)))
     assert many.split("Rows that count less")[-1].split("</table>")[0].count("<tr>") == 21
+
+
+def test_the_residuals_lie_in_the_band_that_holds_95_per_cent_of_their_noise(fit: Fit) -> None:
+    """Of each axis at its line [um], the band that of z, half of it up and half of it down; how many of all components lie in
+    their own is counted, of those that were read."""
+    count = len(fit.measurements)
+    std = np.tile([1e-6, 2e-6, 3e-6], (count, 1)) * np.linspace(1, 2, count)[:, None]
+    residual = 1.95 * std
+    residual[::2] *= -1
+    residual[:4], residual[4, 0] = 1.97 * std[:4], np.nan
+    figure = _residuals(fit.measurements, replace(fit, std=std, residual=residual))
+    band, *points = figure.panels[0].series
+    assert isinstance(band, Band)
+    edge = 1.959964 * 3.0 * np.linspace(1, 2, count)
+    assert np.asarray(band.high) == pytest.approx(edge, rel=1e-3)
+    assert np.asarray(band.low) == pytest.approx(-edge, rel=1e-3)
+    for axis, each in enumerate(points):
+        assert isinstance(each, Points)
+        assert (each.name, list(each.x)) == ("xyz"[axis], fit.measurements.line.tolist())
+        assert np.asarray(each.y) == pytest.approx(1e6 * residual[:, axis], nan_ok=True)
+    assert f"{100 * (3 * count - 13) / (3 * count - 1):.0f} % of all components are inside their own." in figure.caption
 
 
 def test_a_pose_s_bars_are_of_the_readings_that_it_has(fit: Fit) -> None:

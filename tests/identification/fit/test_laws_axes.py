@@ -115,3 +115,17 @@ def test_a_frame_of_the_cell_turns_what_was_given_in_it(data: LoadTest, gap: boo
     same = np.allclose(data.cell.flange_from_tcp.rotation, np.eye(3))
     assert same
     assert plain == ["force_frame[tool]", "deflection_frame[tool]", "force_and_deflection_frame[tool]"]
+
+
+@pytest.mark.parametrize(("base", "part", "named"), [
+    (0, 0, ["tool"]), (50, 0, ["tool", "world", "workobject"]), (50, 50, ["tool", "world"]), (0, 70, ["tool", "workobject"])])
+def test_a_frame_that_stands_as_another_is_named_once(data: LoadTest, base: float, part: float, named: list[str]) -> None:
+    """The flange's is the tool's here; a world that is the base, and a workobject along the base, change nothing."""
+    def about_x(degrees: float) -> NDArray[np.float64]:
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+
+    cell = replace(data.cell, world_from_base=replace(data.cell.world_from_base, rotation=about_x(base)),
+                   world_from_object=replace(data.cell.world_from_object, rotation=about_x(part)))
+    found = [each.key for each in axes_mistakes(replace(data, cell=cell)) if "_frame[" in each.key]
+    assert found == [f"{kind}_frame[{name}]" for kind in ("force", "deflection", "force_and_deflection") for name in named]

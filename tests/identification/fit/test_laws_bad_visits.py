@@ -16,7 +16,7 @@ from scipy import stats
 
 from identification.common.findings import error
 from identification.fit import bad_visits as of_visits
-from identification.fit import mending, validation, wrong_angle
+from identification.fit import held_out, mending, validation, wrong_angle
 from identification.fit.bad_visits import bad_visits
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, Mend
@@ -26,6 +26,7 @@ from identification.fit.row_slips import row_mend
 from identification.fit.slips import FROM_ANOTHER, Slip
 from identification.fit.validation import judge_validation
 from identification.fit.visit_findings import mending as mending_in_words
+from identification.fit.visit_findings import validation_findings
 from identification.fit.visits import VisitScore, VisitTest
 from identification.fit.wrong_angle import likeliest_wrong_angle
 from tests.identification.fit.exact_rows import by_compliance
@@ -199,6 +200,57 @@ def test_a_validation_row_is_an_outlier_that_chance_makes_in_one_of_a_thousand(
     first = int(data.rows.row[data.rows.validate][0])
     assert [row.row for row in judged.rows] == [first] * told
     assert [row.sigmas for row in judged.rows] == pytest.approx([size] * told, rel=1e-3)
+
+
+def test_an_outlier_is_as_many_times_off_as_the_others_leave_it(
+        monkeypatch: pytest.MonkeyPatch, fit: tuple[LoadTest, Any]) -> None:
+    """Five are off by 3 sigmas each: as far as half of all rows are by chance, times a scale that the sixth has, too."""
+    monkeypatch.setattr(validation, "_visits", lambda *of: ())
+    judged = judge_validation(fit[1], kept_back(fit, 6, [60.0, *[3.0] * 5]))
+    assert judged is not None
+    scale = 9.0 / (3 * stats.f.median(3, 6))
+    assert scale > 2
+    assert [row.sigmas for row in judged.rows] == pytest.approx([60.0 / np.sqrt(scale)], rel=1e-3)
+
+
+def test_what_was_not_read_of_a_validation_row_expects_nothing(
+        monkeypatch: pytest.MonkeyPatch, fit: tuple[LoadTest, Any]) -> None:
+    """Of six rows one has no z and one x alone; what is expected of the others is the sensor's noise and what the fit leaves
+    open of its springs. A row that is far off in what was read of it is an outlier all the same."""
+    monkeypatch.setattr(validation, "_visits", lambda *of: ())
+    data = kept_back(fit, 6, [0.0] * 6)
+    mine, deflection = np.flatnonzero(data.rows.validate), data.rows.deflection.copy()
+    deflection[mine[2], 2], deflection[mine[4], 1:] = np.nan, np.nan
+    fitted = fit[1]
+    each = by_compliance(data.rows.theta[mine], data.cell.flange_from_tcp.position, data.rows.wrench[mine, :3])
+    each *= np.exp(fitted.map)
+    variance = (fitted.components.sensor * SIGMA) ** 2 + np.einsum("nij,jk,nik->ni", each, fitted.laplace, each)
+    read = ~np.isnan(deflection[mine])
+    for off in (0.0, 1e-5):
+        deflection[mine[4], 0] += off
+        judged = judge_validation(fitted, data.with_rows(replace(data.rows, deflection=deflection)))
+        assert judged is not None
+        assert judged.expected == pytest.approx(np.sqrt(np.mean(variance[read])), rel=0.01)
+        assert judged.rms == pytest.approx(off / np.sqrt(read.sum()), abs=1e-9)
+        assert (judged.count, [row.row for row in judged.rows]) == (6, [int(data.rows.row[mine[4]])] * bool(off))
+
+
+@pytest.mark.parametrize(("visits", "rows", "fails"), [((2,), 0, False), ((3,), 0, True), ((2,), 1, True), ((1, 2), 0, True)])
+def test_visits_that_are_more_than_a_third_of_the_validation_rows_are_said_as_not_predicted(
+        monkeypatch: pytest.MonkeyPatch, fit: tuple[LoadTest, Any], visits: tuple[int, ...], rows: int, fails: bool) -> None:
+    """Of six rows, where each row by itself would pass, and with one beside them that would not: two visits among a few were
+    found wrong and not a word was said."""
+    data = kept_back(fit, 6, [*np.linspace(1.0, 0.3, 6 - rows), *[1e3] * rows])
+    numbers, taken = data.rows.row[data.rows.validate], np.cumsum((0, *visits))
+    bad = tuple(BadVisit(scored(k, numbers[start:start + size].tolist(), 1e-3), ())
+                for k, (start, size) in enumerate(zip(taken, visits, strict=False)))
+    monkeypatch.setattr(validation, "_visits", lambda *of: bad)
+    judged = judge_validation(fit[1], data)
+    assert judged is not None
+    assert (judged.missed, judged.count, judged.fails) == (sum(visits) + rows, 6, fails)
+    assert judged.visits == (() if fails else bad)
+    assert (judged.rms == judged.rms_without) is fails
+    assert [one.code for one in validation_findings(judged, "m.csv")] == (["CS1737"] if fails else ["CS1733"] * len(visits))
 
 
 @pytest.mark.parametrize(("turns", "told"), [(3, "3 whole turns"), (-3, "3 whole turns"), (4, "")])
@@ -391,3 +443,68 @@ def test_visits_with_a_wrong_angle_are_bad_ones_too(
     assert [one.surprise for one in found.bad] == sorted((one.surprise for one in found.bad), reverse=True)
     assert found.resolution == (1 / 400 if wrong else 0.01)
     assert found.rest is not None
+
+
+def test_at_one_visit_the_robot_stood_elsewhere_and_nowhere_else(fit: tuple[LoadTest, Any]) -> None:
+    """What its springs make of the loads there at the other angle, less what they make of them at the table's; nothing of what
+    it turns. To first order by the independent arm."""
+    data, fitted = fit
+    state = data.load_state(fitted.compliance)
+    turn = wrong_angle.AngleOfVisit(2)
+    for joint, off in ((None, 0.1), (1, 0.1), (5, -0.4)):
+        found = turn.contribution(state, joint, np.array([off]))
+        theta = data.rows.theta.copy()
+        theta[data.rows.visit == 2, 0 if joint is None else joint - 1] += off
+        tcp, force = data.cell.flange_from_tcp.position, data.rows.wrench[:, :3]
+        wanted = (by_compliance(theta, tcp, force) - by_compliance(data.rows.theta, tcp, force)) @ fitted.compliance
+        np.testing.assert_allclose(found[:, :3], wanted, atol=2e-3 * np.abs(wanted).max())
+        assert not found[data.rows.visit != 2].any()
+        assert not found[:, 3:].any()
+    term = turn.term(4, -0.25)
+    assert (term.effect, term.joint, term.start.tolist(), term.scale.tolist(), term.neutral.tolist()) == (
+        turn, 4, [-0.25], [0.03], [0.0])
+
+
+@pytest.mark.parametrize(("likely", "most", "fails", "found"), [
+    ([], 2, 9, []), ([3], 2, 9, [3]), ([3, 1], 2, 9, [3, 1]), ([3, 1, 5], 2, 9, None), ([3, 1], 2, 1, None)])
+def test_wrong_angles_are_looked_for_one_after_the_other(
+        monkeypatch: pytest.MonkeyPatch, likely: list[int], most: int, fails: int, found: list[int] | None) -> None:
+    """Each in the fit without those before; none is told of more than single slips would be, nor where there is no fit without
+    them (None)."""
+    table = Table(np.arange(1, 73), np.repeat(np.arange(9), 8))
+    fitted: Any = Model(table)
+    left, asked = list(likely), []
+
+    def likeliest(rest: Any, visits: Any) -> Any:
+        asked.append(np.unique(rest.data.rows.visit).tolist())
+        return SimpleNamespace(visit=left.pop(0)) if left else None
+
+    def posterior(data: Any, terms: Any, near: Any) -> Model:
+        if 9 - len(np.unique(data.rows.visit)) > fails:
+            raise error("CS1011", "no")
+        return Model(data.rows)
+
+    monkeypatch.setattr(wrong_angle, "likeliest_wrong_angle", likeliest)
+    monkeypatch.setattr(wrong_angle, "posterior", posterior)
+    each, rest = wrong_angle.wrong_angles(fitted, np.arange(9), most)
+    assert [one.visit for one in each] == (found or [])
+    assert (rest is fitted) is (not found)
+    assert asked[:2] == [but(), but(*likely[:1])][:len(asked)]
+    if found:
+        assert np.unique(rest.data.rows.visit).tolist() == but(*found)
+
+
+@pytest.mark.parametrize(("outlying", "single"), [
+    ([1], [1]), ([1, 2], []), ([4], []), ([4, 6, 1], [6, 1]), ([6, 7], []), ([6], [6]), ([10], [])])
+def test_a_row_is_single_whose_visit_has_more_that_are_none(outlying: list[int], single: list[int]) -> None:
+    """Rows 1 to 3 are a visit, 4 and 5, 6 to 9, and 10 alone: under half of them."""
+    rows: Any = SimpleNamespace(row=np.arange(1, 11), visit=np.array([7, 7, 7, 2, 2, 4, 4, 4, 4, 9]))
+    assert validation._single(rows, np.array(outlying)).tolist() == sorted(single)
+
+
+def test_rows_are_held_out_by_the_label_of_their_pose_or_by_their_visit() -> None:
+    """A label that returns is the same pose; without one a visit is named by the line of its first row."""
+    rows: Any = SimpleNamespace(visit=np.array([3, 3, 1, 1, 5, 6, 6]), line=np.array([12, 13, 14, 15, 16, 17, 18]),
+                                pose=np.array(["B", "B", "", "", "A", "B", "B"], dtype=object))
+    assert held_out.pose_names(rows) == ("A", "B", "line 14")
+    assert held_out.poses(rows).tolist() == [1, 1, 2, 2, 0, 1, 1]

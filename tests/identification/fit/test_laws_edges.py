@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from scipy import stats
 
-from identification.fit import misfit, optional_parts
+from identification.fit import misfit
 from identification.fit.discrepancy import discrepancies
 from identification.fit.fitted_model import Term, with_terms
 from identification.fit.identifiability import JointGrade, grade_joints
@@ -26,7 +26,7 @@ from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.slipped import slipped_mistakes
 from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
-from identification.fit.noise_parts import FORCE, MEMORY, OFFSET, PARTS, SETUP, VarianceComponents
+from identification.fit.noise_parts import MEMORY, OFFSET, PARTS, SETUP, VarianceComponents
 from identification.fit.posterior import posterior
 from identification.fit.profile import profiles
 from identification.fit.slips import slips_of
@@ -314,30 +314,6 @@ def test_the_sizes_of_the_noise_s_parts_are_believed_by_these_densities() -> Non
         assert_allclose(believed(part, False), stats.halfcauchy(scale=2.0).logpdf(np.exp(logs)) + logs, atol=1e-12)
 
 
-@pytest.mark.parametrize(("gained", "asked"), [(2.9, False), (3.1, True)])
-@pytest.mark.parametrize("part", [SETUP, MEMORY])
-def test_a_part_of_the_noise_is_asked_for_that_makes_the_rows_e_3_times_likelier(
-        monkeypatch: pytest.MonkeyPatch, gained: float, asked: bool, part: int) -> None:
-    """Than the usual parts, as large as stated or, those that it may pass for, half or a fifth of that; in one of its sizes."""
-    class Likely:
-        def __init__(self, at: Any, beside: Any) -> None:
-            self.with_it = at.noise.part == part
-
-        def likelihood(self, logs: Array) -> Array:
-            beside = logs[:, FORCE] < np.log(0.6)
-            own = np.abs(logs[:, part] - np.log(5.0)) < 1e-9
-            return np.asarray(np.where(beside, 7.0, 0.0) + gained * (self.with_it & own & beside))
-
-    def noise(part: int) -> Any:
-        return SimpleNamespace(part=part, with_parts=lambda part, set_up: noise(part))
-
-    monkeypatch.setattr(optional_parts, "ComponentPosterior", Likely)
-    monkeypatch.setattr(optional_parts, "possible", lambda noise: (SETUP, MEMORY))
-    monkeypatch.setattr(optional_parts, "replace", lambda at, noise: SimpleNamespace(noise=noise))
-    at: Any = SimpleNamespace(noise=noise(-1))
-    assert optional_parts.asked_for(at, VarianceComponents(), np.zeros((1, 3, 0))).parts == (part,) * asked
-
-
 @pytest.mark.parametrize(("chance", "rejected"), [(1.1e-3, False), (0.9e-3, True)])
 def test_springs_are_rejected_by_a_misfit_that_chance_makes_in_one_of_a_thousand(
         data: LoadTest, chance: float, rejected: bool) -> None:
@@ -520,3 +496,30 @@ def test_mistakes_are_looked_for_in_fifteen_hundred_rows(data: LoadTest, rows: i
     """Of more in every second."""
     table: Any = Long(np.zeros(rows, dtype=np.intp))
     assert len(search._thinned(data.with_rows(table)).rows) == looked_at
+
+
+@pytest.mark.parametrize(("loose", "machined", "off"), [
+    ((), False, np.sqrt((4 + 9 + 1) / 5)), ((1,), False, np.sqrt((4 + 1) / 4)), ((0, 1, 2), False, np.sqrt((4 + 9 + 1) / 5)),
+    ((), True, 1.0)])
+def test_rows_are_as_far_off_as_their_noise_allows_but_where_a_cause_may_rest_anywhere(
+        monkeypatch: pytest.MonkeyPatch, loose: tuple[int, ...], machined: bool, off: float) -> None:
+    """RMS over what was read, each in its own noise; where every row may rest anywhere all of them count, and of a machined
+    pass nobody knows what a reading at rest allows."""
+    allowed = np.array([[1.0, 2.0, 1.0], [3.0, 1.0, 1.0], [1.0, 1.0, 5.0]])
+    residual = np.array([[2.0, 0.0, np.nan], [9.0, np.nan, np.nan], [np.nan, 1.0, 0.0]])
+    asked: list[Any] = []
+
+    def residual_std(*of: Any) -> Array:
+        asked.append(of)
+        return allowed
+
+    monkeypatch.setattr(misfit, "residual_std", residual_std)
+    terms = [SimpleNamespace(joint=k, effect=SimpleNamespace(loose=lambda state, joint, values: np.arange(3) == joint))
+             for k in loose]
+    rows = SimpleNamespace(machined_pass=np.array(["", "A" if machined else "", ""]))
+    fitted: Any = SimpleNamespace(
+        data=SimpleNamespace(rows=rows), components="sizes", compliance="springs",
+        at_map=SimpleNamespace(noise=SimpleNamespace(further="more")), terms=terms,
+        term_values=[np.zeros(1)] * len(terms), load_state=None, residual=residual)
+    assert misfit.far_off(fitted) == pytest.approx(off)
+    assert asked == ([] if machined else [(fitted.data, "sizes", "springs", "more")])

@@ -3,6 +3,8 @@ fine grid of sizes with dense covariance matrices."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,12 +14,14 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import halfcauchy, multivariate_normal, norm
 
+from identification.fit import optional_parts
 from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel
-from identification.fit.noise_parts import SETUP, SetUp, VarianceComponents
-from identification.fit.optional_parts import Way, asked_for, averaged_trials
+from identification.fit.noise_parts import MEMORY, PARTS, SETUP, SetUp, VarianceComponents
+from identification.fit.optional_parts import Way, asked_for, averaged_trials, possible
 from identification.fit.posterior import posterior
+from identification.fit.variance_components import Trials
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.compliance import equilibrium
@@ -130,6 +134,164 @@ def test_what_the_arm_s_weight_does_asks_for_no_other_set_ups() -> None:
     at = Linearised(model, rng.normal(size=(COUNT, 3, 2)), residual, np.ones(COUNT), prior, np.zeros(2))
     assert asked_for(at, VarianceComponents(), weight).set_up == SetUp.SIZED
     assert asked_for(at, VarianceComponents(), weight[:, :, :0]).set_up == SetUp.STRETCHED
+
+
+PRIOR: Any = SimpleNamespace(precision=lambda x: np.eye(2), gradient=lambda x: np.zeros(2))
+NONE = np.zeros((3 * VISITS, 3, 0))
+
+
+def nothing_known(visits: int = VISITS) -> Linearised:
+    """Rows of which no law below asks anything but how many visits they are."""
+    model = noise()
+    wide = np.repeat(np.arange(visits), 3)
+    model = replace(model, visit=wide, setups=np.ones((len(wide), 3, 9)))
+    return Linearised(model, np.zeros((len(wide), 3, 2)), np.zeros((len(wide), 3)), np.ones(len(wide)), PRIOR, np.zeros(2))
+
+
+def way_of(model: NoiseModel) -> Way:
+    return Way(tuple(part for part in (SETUP, MEMORY) if model.active[part]), model.set_up)
+
+
+def rated(monkeypatch: pytest.MonkeyPatch, value: Callable[[Way, np.ndarray], float]) -> None:
+    """The likelihood of the rows, ln, is this of which of the parts are there and the multiples (6,) of all parts."""
+    monkeypatch.setattr(optional_parts, "ComponentPosterior", lambda at, beside: SimpleNamespace(
+        likelihood=lambda logs: np.array([value(way_of(at.noise), np.exp(each)) for each in logs])))
+
+
+@pytest.mark.parametrize("lower", [1.0, 0.5, 0.2])
+@pytest.mark.parametrize(("gain", "asked"), [(2.9, False), (3.1, True)])
+@pytest.mark.parametrize(("part", "kind"), [(SETUP, SetUp.SIZED), (SETUP, SetUp.STRETCHED), (SETUP, SetUp.TURNED),
+                                            (MEMORY, SetUp.TURNED)])
+def test_a_part_is_asked_for_that_is_worth_three_units_of_ln(
+        monkeypatch: pytest.MonkeyPatch, part: int, kind: SetUp, gain: float, asked: bool, lower: float) -> None:
+    """Beyond what it brings to have less of the parts that it is taken for: forces wrong by rows for either, and re-seating for
+    a memory; none other is made smaller. Of the three ways of set-ups it is the best one that is asked for."""
+    taken = (1, 2) if part == SETUP else (1, 2, 3)
+
+    def value(way: Way, multiples: np.ndarray) -> float:
+        expected = [lower if other in taken else 1.0 for other in range(4)]
+        less = 20.0 * np.allclose(multiples[:4], expected)
+        if way.parts != (part,):
+            return less
+        return less + (gain if way.set_up == kind else 2.0) - 10.0 * abs(np.log(multiples[part] / 5.0))
+
+    rated(monkeypatch, value)
+    assert asked_for(nothing_known(), VarianceComponents(), NONE) == (Way((part,), kind) if asked else Way((), SetUp.TURNED))
+
+
+@pytest.mark.parametrize("size", [0.5, 1.5, 2.1, 3.0, 4.0, 5.0, 6.6, 9.0, 11.5, 15.0, 20.0, 27.0, 36.0, 50.0, 66.0])
+def test_a_part_of_any_size_from_half_a_usual_one_is_seen(monkeypatch: pytest.MonkeyPatch, size: float) -> None:
+    """Whose likelihood has gone again where it is a factor of 1.43 larger or smaller."""
+    rated(monkeypatch, lambda way, multiples: 10.0 * (bool(way.parts) and abs(np.log(multiples[way.parts[0]] / size)) < 0.358))
+    assert asked_for(nothing_known(), VarianceComponents(), NONE).parts == (SETUP, MEMORY)
+
+
+@pytest.mark.parametrize(("unloaded", "visits", "parts"), [
+    (0, [0] * 3 + [1] * 3, (SETUP, MEMORY)), (0, [0] * 3 + [1] * 2, ()), (1, [0] * 3 + [1] * 3, (MEMORY,)),
+    (0, [0] * 2 + [1] * 2 + [2] * 2, ()), (0, [0] * 6, ())])
+def test_parts_of_visits_show_from_two_visits_of_three_rows(unloaded: int, visits: list[int], parts: tuple[int, ...]) -> None:
+    """Loaded ones for set-ups."""
+    setups = np.ones((len(visits), 3, 9))
+    setups[:unloaded] = 0
+    assert possible(replace(noise(), visit=np.array(visits), setups=setups)) == parts
+
+
+def averaged(monkeypatch: pytest.MonkeyPatch, evidence: Callable[[Way], float], top: Callable[[Way], float],
+             visits: int = VISITS, whole: bool = True, components: VarianceComponents | None = None,
+             ) -> tuple[Trials, dict[Way, tuple[Any, ...]]]:
+    """The average over ways with this ln evidence and this ln posterior at its top; and for each way where the search for its
+    components began and for how many ways its trials stand. Two trials a way, a quarter and three, sensor at ln 0.1 and 0.2."""
+    told: dict[Way, tuple[Any, ...]] = {}
+    monkeypatch.setattr(optional_parts, "ComponentPosterior", lambda at, beside: Posterior(way_of(at.noise)))
+
+    class Posterior:
+        def __init__(self, way: Way) -> None:
+            self.way, self.whole = way, whole
+
+        def __call__(self, logs: np.ndarray) -> tuple[np.ndarray, None]:
+            return np.array([top(self.way)]), None
+
+    def likeliest(of_way: Posterior, components: VarianceComponents) -> VarianceComponents:
+        told[of_way.way] = (components.values,)
+        return components
+
+    def trial_components(of_way: Posterior, top: Any, covariance: Any, of: int = 1) -> Trials:
+        told[of_way.way] = (*told.get(of_way.way, ()), of)
+        logs = np.tile(np.log(1.5), (2, len(PARTS)))
+        logs[:, 0] = 0.1, 0.2
+        return Trials(logs, np.array([0.25, 0.75]), np.zeros((2, 1, 1)), evidence(of_way.way), np.full(2, of_way.way.set_up))
+
+    monkeypatch.setattr(optional_parts, "likeliest", likeliest)
+    monkeypatch.setattr(optional_parts, "log_covariance", lambda *of: None)
+    monkeypatch.setattr(optional_parts, "trial_components", trial_components)
+    beside = np.zeros((3 * visits, 3, 0))
+    return averaged_trials(nothing_known(visits), components or VarianceComponents(), beside), told
+
+
+EVERY = [Way(parts + memory, kind) for memory in ((), (MEMORY,)) for parts, kind in (
+    ((), SetUp.TURNED), *(((SETUP,), kind) for kind in SetUp))]
+
+
+def test_each_way_weighs_its_evidence_and_each_part_is_as_likely_as_not_beforehand(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The three ways of set-ups share what they have. What is not in a way is as small as a part can be."""
+    by_chance = dict(zip(EVERY, np.random.default_rng(3).uniform(-1.5, 1.5, len(EVERY)), strict=True))
+    for evidence in (dict.fromkeys(EVERY, 7.0), by_chance):
+        trials, told = averaged(monkeypatch, evidence.__getitem__, lambda way: 0.0)
+        assert set(told) == set(EVERY)
+        each = {way: np.exp(evidence[way]) / (3 if SETUP in way.parts else 1) for way in EVERY}
+        total = sum(each.values())
+        assert trials.log_evidence == pytest.approx(np.log(total))
+        assert trials.weight.sum() == pytest.approx(1.0)
+        there = trials.logs[:, [SETUP, MEMORY]]
+        assert_allclose(there[there > -4.6], np.log(1.5))
+        assert there.min() == pytest.approx(-4.6)
+        assert_allclose(trials.logs[:, 1:4], np.log(1.5))
+        for way in EVERY:
+            mine = np.all((there > -4.5) == [part in way.parts for part in (SETUP, MEMORY)], axis=1) & (
+                (trials.set_up == way.set_up) | (SETUP not in way.parts))
+            assert_allclose(trials.weight[mine], each[way] / total * np.array([0.25, 0.75]))
+            assert_allclose(trials.logs[mine, 0], [0.1, 0.2])
+            assert told[way][1] == 8
+        assert trials.gram is not None
+        assert len(trials.gram) == 16
+
+
+@pytest.mark.parametrize(("beyond", "counts"), [(5.9, True), (6.1, False)])
+@pytest.mark.parametrize("way", [EVERY[0], EVERY[2], EVERY[4]])
+def test_a_way_that_is_far_less_likely_at_its_top_is_not_tried(
+        monkeypatch: pytest.MonkeyPatch, way: Way, beyond: float, counts: bool) -> None:
+    """By e^-6 of the best, beforehand with it."""
+    best = Way((SETUP, MEMORY), SetUp.STRETCHED)
+    own = {each: np.log(3.0) if SETUP in each.parts else 0.0 for each in EVERY}
+    _, told = averaged(monkeypatch, lambda each: 0.0, lambda each: 40.0 + own[each] - (
+        0.0 if each == best else beyond if each == way else 50.0))
+    assert [each for each, of in told.items() if len(of) > 1] == ([way, best] if counts else [best])
+    assert told[best][1] == 1 + counts
+
+
+def test_the_search_for_the_size_of_a_part_begins_where_it_was_or_at_twice_the_usual(monkeypatch: pytest.MonkeyPatch) -> None:
+    fitted = replace(VarianceComponents(), sensor=1.3, setup=7.0)
+    _, told = averaged(monkeypatch, lambda way: 0.0, lambda way: 0.0, components=fitted)
+    for way, (begins, _) in told.items():
+        assert_allclose(begins, [1.3, 1, 1, 1, 7.0, 2.0 if MEMORY in way.parts else 0.0])
+
+
+@pytest.mark.parametrize(("visits", "whole", "ways"), [(40, True, 8), (41, True, 1), (4, False, 1)])
+def test_the_fit_s_own_way_stands_alone_where_rows_are_many(
+        monkeypatch: pytest.MonkeyPatch, visits: int, whole: bool, ways: int) -> None:
+    """Forty visits tell whether a part is there; of more rows than are looked at there is no evidence of all."""
+    trials, told = averaged(monkeypatch, lambda way: 0.0, lambda way: 0.0, visits, whole)
+    assert len(told) == ways
+    assert len(trials.weight) == 2 * ways
+
+
+def test_a_way_has_its_parts_and_none_of_the_other_optional_ones() -> None:
+    """Whatever the fit had."""
+    had = noise().with_parts(SETUP, MEMORY, set_up=SetUp.SIZED)
+    assert Way((), SetUp.TURNED).noise(had).active == (True, False, False, False, False, False)
+    found = Way((SETUP,), SetUp.STRETCHED).noise(had)
+    assert (found.active, found.set_up) == ((True, False, False, False, True, False), SetUp.STRETCHED)
+    assert Way((MEMORY,), SetUp.TURNED).noise(had).active == (True, False, False, False, False, True)
 
 
 def test_a_weight_is_as_heavy_at_every_pose(tmp_path: Path) -> None:

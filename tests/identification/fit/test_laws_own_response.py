@@ -28,6 +28,12 @@ def test_what_a_response_moves_is_the_compliance_times_the_force(forces: list[li
     np.testing.assert_allclose(coefficients[0, :3], compliance[0] @ loads.directions[0] * loads.scale[0])
 
 
+@pytest.mark.parametrize(("share", "directions"), [(0.9e-3, 1), (1.1e-3, 2)])
+def test_a_direction_of_load_is_one_from_a_thousandth_of_the_largest(share: float, directions: int) -> None:
+    loads = LoadColumns.of(np.array([[300 * share, 0, 0], [0, 0, 300.0]]))
+    assert loads.columns.shape == (2, 3, 3 * directions)
+
+
 @pytest.mark.parametrize(("sizes", "told"), [
     ([100, 100], False), ([100, -100], True), ([100, 0], True), ([100], False), ([100, 111, 105], False),
     ([100, 150, 120], True)])

@@ -49,6 +49,9 @@ def test_gradient_and_curvature_are_its_derivatives(kind: PriorKind, gamma: floa
         gauss_newton = np.diag(found.precision(x))
         expected = np.maximum(np.diag(bend), 0.2 * gauss_newton) if kind == "gaussian" else gauss_newton
         np.testing.assert_allclose(np.diag(found.search_curvature(x))[:6], expected[:6], rtol=1e-5)
+        for curvature in (found.precision(x), found.search_curvature(x)):
+            np.testing.assert_allclose(np.diag(curvature)[6:], [100.0, 1 / 16])
+            assert np.count_nonzero(curvature - np.diag(np.diag(curvature))) == 0
         assert np.count_nonzero(bend - np.diag(np.diag(bend))) == 0
 
 
@@ -59,3 +62,18 @@ def test_at_a_bound_only_what_would_leave_is_pressed() -> None:
     assert found.pressed(x, np.full(8, -1.0)).tolist() == [False] * 6 + [True, False]
     assert found.pressed(x, np.full(8, 1.0)).tolist() == [False] * 6 + [False, True]
     assert found.inside(np.full(8, 7.0)).tolist() == [7.0] * 6 + [1.0, 5.0]
+    assert found.inside(np.array([[7.0] * 8, [-7.0] * 8])).tolist() == [[7.0] * 6 + [1.0, 5.0], [-7.0] * 6 + [0.0, -5.0]]
+
+
+@pytest.mark.parametrize(("kind", "gamma", "times"), [("lognormal", 1.0, 0.0), ("gaussian", 1.0, 1.0), ("gaussian", 0.25, 2.0)])
+def test_what_is_known_of_ln_k_beforehand(kind: PriorKind, gamma: float, times: float) -> None:
+    """Of a log-normal k the root of ln(1 + s^2), to first order s where k is normal, wider by the root of gamma; without
+    effects there are six parameters, the curvature of each at the median the inverse square of that."""
+    prior = robot().prior
+    found = PriorModel(prior, kind, gamma)
+    wanted = times * prior.relative_std if times else np.sqrt(np.log(1 + prior.relative_std**2))
+    np.testing.assert_allclose(found.log_std, wanted)
+    x = -np.log(prior.stiffness)
+    np.testing.assert_allclose(found.precision(x), np.diag(wanted**-2.0))
+    assert found.gradient(x) == pytest.approx(np.zeros(6), abs=1e-9)
+    assert found.value(x) == pytest.approx(0.0, abs=1e-12)

@@ -82,3 +82,33 @@ def test_readings_of_unlike_axes_were_not_exchanged() -> None:
     mend = row_mend(rows, off, np.full((2, 3), STD), 0)
     assert mend is not None
     assert mend.kind == "readings exchanged"
+
+
+@pytest.mark.parametrize(("read_um", "expected_um", "fit", "of", "what"), [
+    (-63.0, 63.0, 2, 4, "dx with the other sign would fit"), (630.0, 63.0, 2, 8, "dx a tenth as large would fit"),
+    (6.3, 63.0, 2, 8, "dx ten times as large would fit"),
+    (263.0, 63.0, 2, 72, "dx with 2 whole turns of 100 um less would fit"),
+    (-237.0, 63.0, 1, 72, "dx with 3 whole turns of 100 um more would fit")])
+def test_a_slip_is_as_likely_as_the_share_of_its_kind_that_explains_the_reading(
+        read_um: float, expected_um: float, fit: int, of: int, what: str) -> None:
+    """x alone was read, to 2 um. One sign, or a decimal point to either side, of an axis or of all; three turns of four dials
+    to either side of each axis. Else x, or all, is off by about as much as it is, or y or z alone, which is none."""
+    rows = SimpleNamespace(deflection=np.array([[1e-6 * read_um, np.nan, np.nan]]), visit=np.zeros(1, dtype=int),
+                           row=np.array([1]), line=np.array([2]))
+    off = read_um - expected_um
+    mend = row_mend(rows, np.array([[1e-6 * off, np.nan, np.nan]]), np.array([[2e-6, np.nan, np.nan]]), 0)
+    spread = np.hypot(2.0, off)
+    none = 0.5 * np.exp(-0.5 * (off / spread) ** 2) * 2.0 / spread
+    probability = 1 / of / (fit / of + none)
+    assert (mend is not None) == (probability >= 0.25)
+    if mend:
+        assert (mend.what, mend.probability) == (what, pytest.approx(probability))
+
+
+@pytest.mark.parametrize(("off_std", "fits"), [(3.2, True), (3.4, False)])
+def test_a_slip_fits_whose_rest_chance_makes_in_one_of_a_thousand(off_std: float, fits: bool) -> None:
+    """3.29 sigmas of one component."""
+    rows = SimpleNamespace(deflection=np.array([[-4e-4 + off_std * 2e-6, np.nan, np.nan]]), visit=np.zeros(1, dtype=int),
+                           row=np.array([1]), line=np.array([2]))
+    off = np.array([[-8e-4 + off_std * 2e-6, np.nan, np.nan]])
+    assert (row_mend(rows, off, np.array([[2e-6, np.nan, np.nan]]), 0) is not None) is fits
