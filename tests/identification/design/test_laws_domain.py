@@ -161,7 +161,8 @@ def test_a_run_belongs_at_its_own_place(case) -> None:
     """By the largest of its three distances."""
     domain, arm, theta = case
     first, second = (points(arm, q)[0] for q in theta[:2])
-    here = replace(domain, box=None, positions=np.array([first + (1e-3, -2e-3, 5e-4), second, second - (0, 0, 3e-3)]))
+    off = np.array([[1e-3, -2e-3, 5e-4], [0, 0, 0], [0, 0, -3e-3]])
+    here = replace(domain, box=None, positions=np.array([first, second, second]) + off)
     assert (here.places, domain.places) == (3, 1)
     runs = here.runs(theta[[0, 1, 1]], np.zeros(3, dtype=int), np.arange(3), np.tile([1.0, 0, 0], (3, 1)))
     assert_allclose(here.excess(runs), [2e-3, 0, 3e-3], atol=1e-12)
@@ -170,7 +171,7 @@ def test_a_run_belongs_at_its_own_place(case) -> None:
 def test_a_pose_is_put_in_place_by_the_least_motion_of_the_joints(case) -> None:
     domain, arm, theta = case
     position = np.array([points(arm, q)[0] for q in theta])
-    here = replace(domain, box=None, positions=position + (2e-5, -1e-5, 3e-5))
+    here = replace(domain, box=None, positions=np.add(position, (2e-5, -1e-5, 3e-5)))
     moved = here.centred(theta, np.arange(len(theta)))
     for q, after, wanted in zip(theta, moved, here.positions, strict=True):
         assert_allclose(arm.pose(after, TCP)[0], wanted, atol=1e-10)
