@@ -231,7 +231,7 @@ def _bars(panel: Panel, bars: list[Bars], horizontal: Scale, vertical: Scale) ->
         ends = np.where(known, base + values if panel.stacked else values, base)
         first, last = across(base), across(ends)
         middle = along(np.arange(len(names))) + (0.0 if panel.stacked else (place - 0.5 * (len(bars) - 1)) * thick)
-        for i in np.flatnonzero(known):
+        for i in np.flatnonzero(known).tolist():
             near, far = sorted((float(first[i]), float(last[i])))
             edge = float(middle[i]) - 0.5 * thick
             box = (near, edge, far - near, thick) if panel.sideways else (edge, near, thick, far - near)
