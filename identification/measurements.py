@@ -142,7 +142,7 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
         *([] if planned else _rows_without_deflection(table, wrench, deflection)),
     ]
     if problems:
-        raise CompstiffError(*sorted(problems, key=lambda finding: finding.line or 0)[:20])
+        raise CompstiffError(*sorted(problems, key=lambda finding: finding.line or 0)[:MOST_COMPLAINTS])
     _check_sizes(table, wrench, deflection)
     return Measurements(
         source=table.source, theta=theta, wrench=wrench, deflection=deflection, sigma=sigma,
@@ -314,7 +314,7 @@ def _visits(table: Table, theta: Array) -> NDArray[np.intp]:
     if label is None:
         return visit
     on_path = label != ""
-    return run_numbers(np.column_stack([np.where(on_path, -1, visit), np.where(on_path, run_numbers(label), -1)]))
+    return run_numbers(np.column_stack([on_path, np.where(on_path, run_numbers(label), visit)]))
 
 
 def _purposes(table: Table, purpose: NDArray[np.object_]) -> list[Finding]:
@@ -329,7 +329,7 @@ def _purposes(table: Table, purpose: NDArray[np.object_]) -> list[Finding]:
 def _limits(table: Table, robot: RobotModel, theta: Array) -> list[Finding]:
     excess = robot.limit_excess(theta)
     findings = []
-    for row, joint in np.argwhere(excess > np.radians(1e-6))[:20]:
+    for row, joint in np.argwhere(excess > np.radians(1e-6))[:MOST_COMPLAINTS]:
         hint = "angles are the controller's, in degrees, as the pendant shows them"
         if joint < 6:
             low, high = np.degrees(robot.limits[joint])
@@ -354,7 +354,7 @@ def _sigmas(table: Table, sigma: Array) -> list[Finding]:
         Finding("CS1003", "error", f"a sigma of {1e6 * sigma[row, axis]:g} um, must be greater than zero"
                 + (f", at least {1e6 * SMALLEST_SIGMA:g}" if sigma[row, axis] > 0 else ""),
                 file=table.source, line=int(table.line[row]), column=table.column(SIGMAS[axis]))
-        for row, axis in np.argwhere(sigma < SMALLEST_SIGMA)[:20]
+        for row, axis in np.argwhere(sigma < SMALLEST_SIGMA)[:MOST_COMPLAINTS]
     ]
 
 
@@ -364,5 +364,5 @@ def _rows_without_deflection(table: Table, wrench: Array, deflection: Array) -> 
         Finding("CS1004", "error", "a load, but no deflection: dx_um, dy_um and dz_um are all empty", file=table.source,
                 line=int(table.line[row]), column=table.column("dx_um"),
                 hint="fill in what the sensors showed, or delete the row")
-        for row in np.flatnonzero(empty)[:20]
+        for row in np.flatnonzero(empty)[:MOST_COMPLAINTS]
     ]

@@ -27,7 +27,7 @@ class Endpoint:
 
     host: str
     port: int
-    unit: int = 1
+    unit: int
     tls: TlsFiles | None = None
 
 

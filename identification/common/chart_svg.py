@@ -92,13 +92,13 @@ def ticks(low: float, high: float, most: int) -> Array:
 
 
 def log_ticks(low: float, high: float, most: int) -> Array:
-    """Powers of ten, with what stands between them where few fit."""
+    """Powers of ten, with what stands between them where few fit; of next to no range even steps."""
     first, last = np.floor(np.log10(low)), np.ceil(np.log10(high))
     decades = 10.0 ** np.arange(first, last + 1, max(1, int((last - first) // max(most, 1))))
     inside = [value for value in decades if low <= value <= high]
     if len(inside) < 3:
         inside = [value * factor for value in decades for factor in (1, 2, 5) if low <= value * factor <= high]
-    return np.array(inside)
+    return np.array(inside) if len(inside) > 1 else ticks(low, high, most)
 
 
 def legend(figure: Figure) -> list[tuple[str, str, str]]:
@@ -227,14 +227,15 @@ def _bars(panel: Panel, bars: list[Bars], horizontal: Scale, vertical: Scale) ->
     parts = []
     for place, item in enumerate(bars):
         values = np.asarray(item.values, dtype=float)
-        ends = base + values if panel.stacked else np.where(np.isfinite(values), values, floor)
+        known = np.isfinite(values)
+        ends = np.where(known, base + values if panel.stacked else values, base)
         first, last = across(base), across(ends)
         middle = along(np.arange(len(names))) + (0.0 if panel.stacked else (place - 0.5 * (len(bars) - 1)) * thick)
-        for i, name in enumerate(names):
+        for i in np.flatnonzero(known).tolist():
             near, far = sorted((float(first[i]), float(last[i])))
             edge = float(middle[i]) - 0.5 * thick
             box = (near, edge, far - near, thick) if panel.sideways else (edge, near, thick, far - near)
-            parts.append(BAR.format(item.colour, *box, name, item.name, number(float(values[i]))))
+            parts.append(BAR.format(item.colour, *box, names[i], item.name, number(float(values[i]))))
         if panel.stacked:
             base = ends
     return Markup("").join(parts)

@@ -191,8 +191,7 @@ def _axis(axis: ExternalAxisFile) -> ExternalAxis:
     zero, parked, speed, acceleration = (
         (axis.zero_deg, axis.parked_deg, axis.speed_deg_s, axis.acceleration_deg_s2) if rotary
         else (axis.zero_mm, axis.parked_mm, axis.speed_mm_s, axis.acceleration_mm_s2))
-    direction = None if axis.direction is None else np.array(axis.direction)
-    length = 1.0 if direction is None else float(np.linalg.norm(direction)) or 1.0
-    return ExternalAxis(LETTERS.index(axis.eax), rotary, None if direction is None else direction / length,
+    direction = None if axis.direction is None else np.array(axis.direction) / (np.linalg.norm(axis.direction) or 1.0)
+    return ExternalAxis(LETTERS.index(axis.eax), rotary, direction,
                         1e-3 * np.array(axis.through_mm), zero or 0.0, parked, None if speed is None else factor * speed,
                         None if acceleration is None else factor * acceleration)

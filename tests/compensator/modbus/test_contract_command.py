@@ -12,6 +12,8 @@ from click.testing import CliRunner
 
 import compstiff as compstiff_api
 from compensator.modbus import registers as at
+from compensator.modbus.link import Address
+from compensator.modbus.push import Waiting
 from compensator.modbus.server import Endpoint, Loopback
 from compstiff.cli.push import push
 from identification.common.findings import CompstiffError
@@ -353,7 +355,7 @@ def test_the_cell_stops_on_signals_and_warns_where_it_is_open(tmp_path):
 @pytest.mark.parametrize(("host", "told"), [
     ("127.0.0.1", False), ("127.0.0.2", False), ("localhost", False), ("0.0.0.0", True)])
 def test_a_cell_that_the_network_reaches_is_told(tmp_path, host, told):
-    served = kit.served_and_stopped(compstiff_api.read_cell(cell_yaml(tmp_path, 1)), Endpoint(host, 0))
+    served = kit.served_and_stopped(compstiff_api.read_cell(cell_yaml(tmp_path, 1)), Endpoint(host, 0, 1))
     said = {finding.code: finding for finding in served.findings}
     assert ("CS5104" in said, "CS5106" in said) == (told, True)
     assert not told or (said["CS5104"].level, said["CS5104"].message) == (
@@ -458,3 +460,11 @@ def test_nothing_is_sent_where_nobody_says_which_program_runs(tmp_path, listener
     assert "--program" in done.stderr
     with pytest.raises(TimeoutError):
         listener.accept()
+
+
+def test_a_script_waits_as_long_and_asks_as_often_as_the_command():
+    stated = {option.name: option.default for option in push.params}
+    address, waiting = Address("192.0.2.1", 1502, 1), Waiting()
+    assert (address.timeout_s, address.retries, address.tls) == (stated["timeout"], stated["retries"], None)
+    assert (waiting.patience_s, waiting.robot_s, waiting.restart) == (
+        stated["patience"], stated["robot_wait"], False)

@@ -8,6 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from compensator.upload import local_module, session
+from compensator.upload.address import Controller
+from compensator.upload.upload import Wanted
 from compstiff.cli.upload import upload
 from tests.compensator.upload import kit
 from tests.compensator.upload.emulator import PASSWORD, RobotController
@@ -488,3 +490,12 @@ def test_a_record_is_read_up_to_the_size_of_a_module(tmp_path, monkeypatch):
         found = local_module.read_module(file, kit.ROBOT)
         assert (found.record is not None) == there
         assert [finding.code for finding in found.findings] == ([] if there else ["CS6102"])
+
+
+def test_a_script_asks_as_the_command_does():
+    """As long and as often; encrypted, and in place of nothing."""
+    stated = {option.name: option.default for option in upload.params}
+    controller, wanted = Controller("192.0.2.1", "user", "secret"), Wanted()
+    assert (controller.timeout_s, controller.retries, controller.url) == (
+        stated["timeout"], stated["retries"], "https://192.0.2.1:443")
+    assert (wanted.name, wanted.task, wanted.replace, wanted.changed) == (None, None, False, False)

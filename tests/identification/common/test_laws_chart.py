@@ -286,3 +286,173 @@ def test_of_names_below_a_chart_as_many_are_shown_as_do_not_touch(count: int, le
     apart = np.diff(list(at.values()))
     assert len(apart) == 0 or apart.min() > 6.0 * letters
     assert every == 1 or apart.min() * (every - 1) / every < 8.0 * letters + 10
+
+
+def line_of(picture: ET.Element) -> np.ndarray:
+    """The places (n, 2) [px] of the one line."""
+    [d] = [one.get("d") or "" for one in picture.iter("path") if "line" in (one.get("class") or "")]
+    return np.array([[float(number) for number in place.split()] for place in re.split("[ML]", d)[1:]])
+
+
+def test_a_line_leaves_the_picture_where_it_is_headed() -> None:
+    """What lies up to a picture beyond the ends of an axis is where it belongs; what is further stays in numbers that draw."""
+    values = np.array([-10.0, 20.0, -5.0, 14.0, 5.0])
+    picture = shown(Panel([Line("l", np.arange(7.0), [*values, 1e6, -1e6])], Axis("x"), Axis("y", limits=(0.0, 10.0))))
+    places = line_of(picture)
+    assert np.polyval(scale_of(picture, "y"), places[:5, 1]) == pytest.approx(values, abs=0.05)
+    assert np.polyval(scale_of(picture, "y"), places[5:, 1]) == pytest.approx([20, -10], abs=0.05)
+    assert np.polyval(scale_of(picture, "x"), places[:, 0]) == pytest.approx(np.arange(7), abs=0.01)
+
+
+@pytest.mark.parametrize("values", [[2.0, 2000.0], [4.0, 6.0], [2.0, 2.025], [6.0, 8.0]])
+def test_a_logarithmic_axis_goes_on_a_seventh_beyond_what_it_shows(values: list[float]) -> None:
+    picture = shown(Panel([Line("l", [0.0, 1.0], values)], Axis("x"), Axis("y", log=True)))
+    marks = [(float(text.get("y")) - 4, float(text.text)) for text in picture.iter("text")
+             if re.fullmatch(r"[\d.]+", text.text or "") and text.get("text-anchor") == "end"]
+    fit = np.polyfit([y for y, _ in marks], np.log([value for _, value in marks]), 1)
+    low, high = line_of(picture)[:, 1]
+    assert np.exp(np.polyval(fit, [low, high])) == pytest.approx(values, rel=5e-3)
+    bottom, = (float(one.get("d", "").split()[1].split("H")[0]) for one in picture.iter("path") if one.get("class") == "axis")
+    assert np.exp(np.polyval(fit, [bottom, 26.0])) == pytest.approx(
+        [values[0] / 1.15, values[1] * 1.15], rel=5e-3)
+
+
+@pytest.mark.parametrize(("value", "log", "ends"), [
+    (5.0, False, (0.0, 10.0)), (0.0, False, (-1.0, 1.0)), (-3.0, False, (-6.0, 0.0)), (6.0, True, (3.0, 12.0))])
+def test_a_value_that_never_changes_lies_in_the_middle(value: float, log: bool, ends: tuple[float, float]) -> None:
+    """Between nothing and twice of it; of zeros a unit to both sides; on a logarithmic axis from half to twice."""
+    picture = shown(Panel([Line("l", [0.0, 1.0], [value, value])], Axis("x"), Axis("y", log=log)))
+    bottom, = (float(one.get("d", "").split()[1].split("H")[0]) for one in picture.iter("path") if one.get("class") == "axis")
+    places = line_of(picture)[:, 1]
+    marks = [(float(text.get("y")) - 4, float((text.text or "").replace("−", "-"))) for text in picture.iter("text")
+             if re.fullmatch(r"−?[\d.]+", text.text or "") and text.get("text-anchor") == "end"]
+    fit = np.polyfit([y for y, _ in marks], [np.log(mark) if log else mark for _, mark in marks], 1)
+    shows = np.polyval(fit, [bottom, places[0], 26.0])
+    room = 0.0 if log else 0.04 * (ends[1] - ends[0])
+    assert (np.exp(shows) if log else shows) == pytest.approx(
+        [ends[0] - room, value, ends[1] + room], abs=0.02 * (ends[1] - ends[0]))
+
+
+def test_the_cells_of_a_matrix_lie_side_by_side_under_their_numbers() -> None:
+    """Wide as the columns are apart and high as the rows, row by row from above; half as strong as their values are large."""
+    values = np.array([[1.0, -0.5, 0.25], [0.0, 2.0, -1.0]])
+    panel = Panel([Cells(values)], Axis(categories="abc"), Axis(categories="uv"))
+    picture = shown(panel)
+    boxes = [[float(one.get(name)) for name in ("x", "y", "width", "height")] for one in picture.iter("rect")]
+    x, y, wide, high = np.array(boxes).T.reshape(4, 2, 3)
+    assert np.diff(x, axis=1) == pytest.approx(wide[:, 1:], abs=0.11)
+    assert np.diff(y, axis=0) == pytest.approx(high[1:], abs=0.11)
+    foot, = (float(one.get("d", "").split()[1].split("H")[0]) for one in picture.iter("path") if one.get("class") == "axis")
+    assert (y[0, 0], y[-1, 0] + high[-1, 0]) == pytest.approx((26.0, foot), abs=0.11)
+    names = {text.text: (float(text.get("x")), float(text.get("y"))) for text in picture.iter("text")}
+    assert x[0] + wide[0] / 2 == pytest.approx([names[name][0] for name in "abc"], abs=0.11)
+    assert y[:, 0] + high[:, 0] / 2 + 4 == pytest.approx([names[name][1] for name in "uv"], abs=0.11)
+    texts = [text for text in picture.iter("text") if re.fullmatch(r"−?\d\.\d\d", text.text or "")]
+    assert [text.text for text in texts] == ["1.00", "−0.50", "0.25", "0.00", "2.00", "−1.00"]
+    assert [float(text.get("x")) for text in texts] == pytest.approx((x + wide / 2).ravel(), abs=0.11)
+    assert [float(text.get("y")) for text in texts] == pytest.approx((y + high / 2 + 4).ravel(), abs=0.11)
+    assert [(one.get("class"), float(one.get("fill-opacity"))) for one in picture.iter("rect")] == [
+        ("fill-before", 0.5), ("fill-after", 0.25), ("fill-before", pytest.approx(0.125, abs=0.006)), ("fill-after", 0.0),
+        ("fill-before", 0.5), ("fill-after", 0.5)]
+
+
+def test_bars_beside_each_other_share_the_width_of_their_category() -> None:
+    """In their order, without a gap, about the middle; the next category's are as far as the categories are apart."""
+    names = ["a", "b", "c"]
+    panel = Panel([Bars("one", [1.0, 2, 3]), Bars("two", [3.0, 2, 1]), Bars("three", [1.0, 1, 1])], Axis(categories=names),
+                  Axis("y"))
+    picture = shown(panel)
+    left, wide = np.array([[float(one.get("x")), float(one.get("width"))] for one in picture.iter("rect")]).T.reshape(2, 3, 3)
+    assert wide == pytest.approx(wide[0, 0])
+    assert np.diff(left, axis=0) == pytest.approx(wide[0, 0], abs=0.11)
+    middles = [float(text.get("x")) for text in picture.iter("text") if text.text in names]
+    assert left[1] + wide[1] / 2 == pytest.approx(middles, abs=0.11)
+    assert 3 * wide[0, 0] == pytest.approx(0.76 * np.diff(middles)[0], abs=0.2)
+    assert [one[0].text for one in picture.iter("rect")][3:6] == ["a: two 3", "b: two 2", "c: two 1"]
+
+
+@pytest.mark.parametrize("stacked", [False, True])
+def test_a_bar_of_no_value_is_left_out_and_the_others_stand_where_they_do_without_it(stacked: bool) -> None:
+    """On each other too: all that stood above it had been lost."""
+    def heights(middle: float) -> dict[str | None, tuple[float, float]]:
+        panel = Panel([Bars("one", [1.0, 2]), Bars("two", [3.0, middle]), Bars("three", [1.0, 1])], Axis(categories="ab"),
+                      Axis("y", limits=(0.0, 5.0)), stacked=stacked)
+        return {one[0].text: (float(one.get("y")), float(one.get("height"))) for one in shown(panel).iter("rect")}
+
+    without, of_nothing = heights(np.nan), heights(0.0)
+    assert of_nothing.pop("b: two 0")[1] == 0
+    assert without == of_nothing
+
+
+@pytest.mark.parametrize("width", [WIDE, NARROW])
+@pytest.mark.parametrize("ends", [(0.0, 1.0), (-3.0, 40.0), (1234.0, 98765.0), (-0.02, 0.01)])
+def test_marks_of_an_axis_stand_clear_of_each_other_and_leave_no_wide_gap(width: int, ends: tuple[float, float]) -> None:
+    picture = ET.fromstring(str(draw(Panel([Line("l", ends, ends)], Axis("x"), Axis("y")), width, "")))
+    across = [float(text.get("x")) for text in picture.iter("text") if text.get("text-anchor") == "middle"]
+    upright = [float(text.get("y")) for text in picture.iter("text") if text.get("text-anchor") == "end"
+               and text.get("class") is None]
+    for places, room in ((across, 90), (upright, 42)):
+        assert 0.95 * room <= abs(np.diff(places)).min() <= abs(np.diff(places)).max() <= 2.6 * room
+
+
+def ends_of(panel: Panel) -> tuple[float, float]:
+    """What the upright axis shows from its foot to its head, which is as far below the picture's top as of every other."""
+    picture = shown(panel)
+    foot, = (float(one.get("d", "").split()[1].split("H")[0]) for one in picture.iter("path") if one.get("class") == "axis")
+    low, high = np.polyval(scale_of(picture, "y"), [foot, 26.0])
+    return float(low), float(high)
+
+
+@pytest.mark.parametrize(("series", "axis", "ends"), [
+    ([Line("l", [0, 1], [3.0, 5.0])], Axis(), (2.92, 5.08)), ([Line("l", [0, 1], [3.0, 5.0])], Axis(from_zero=True), (0, 5.2)),
+    ([Line("l", [0, 1], [-5.0, -3.0])], Axis(from_zero=True), (-5.2, 0.2)), ([Line("l", [0], [0.0])], Axis(), (-1.08, 1.08)),
+    ([Points("p", [0, 1], [3.0, 5.0], interval=([1.0, 4.0], [4.0, 11.0]))], Axis(), (0.6, 11.4)),
+    ([Band("b", [0, 1], [1.0, 4.0], [4.0, 11.0])], Axis(), (0.6, 11.4)),
+    ([Line("l", [0, 9], [1.0, 5.0]), Rule(11.0)], Axis(), (0.6, 11.4)),
+    ([Line("l", [0, 9], [1.0, 11.0]), Rule(7.0, upright=True)], Axis(), (0.6, 11.4)),
+    ([Line("l", [0, 1], [np.nan, np.nan])], Axis(), (-0.04, 1.04)), ([Line("l", [], [])], Axis(), (-0.04, 1.04)),
+    ([Line("l", [0, 1, 2], [1.0, 11.0, 1e250])], Axis(), (0.6, 11.4)),
+    ([Line("l", [0, 1], [1.0, 5.0])], Axis(limits=(-2.0, 4.0)), (-2, 4))])
+def test_an_axis_shows_all_that_is_drawn_and_a_twenty_fifth_beyond(series: list, axis: Axis, ends: tuple[float, float]) -> None:
+    """At zero it ends where it shall begin there."""
+    assert ends_of(Panel(series, Axis(), axis)) == pytest.approx(ends, abs=0.01 * (ends[1] - ends[0]))
+
+
+@pytest.mark.parametrize(("values", "stacked", "ends"), [
+    ([[1.0, 2.0], [3.0, 5.0]], False, (0, 5.2)), ([[1.0, 2.0], [3.0, 5.0]], True, (0, 7.28)),
+    ([[4.0, 2.0], [np.nan, 1.0]], True, (0, 4.16)), ([[-1.0, -5.0], [-2.0, -3.0]], False, (-5.2, 0.2))])
+def test_an_axis_of_bars_shows_zero_and_how_high_they_stand(
+        values: list[list[float]], stacked: bool, ends: tuple[float, float]) -> None:
+    panel = Panel([Bars(f"b{k}", one) for k, one in enumerate(values)], Axis(categories="ab"), Axis(), stacked=stacked)
+    assert ends_of(panel) == pytest.approx(ends, abs=0.01 * (ends[1] - ends[0]))
+
+
+def test_a_band_goes_out_along_its_upper_edge_and_back_along_its_lower() -> None:
+    low, high = [0.0, 1.0, 0.5], [5.0, 6.0, 7.0]
+    picture = shown(Panel([Band("b", [0.0, 1.0, 2.0], low, high)], Axis("x"), Axis("y")))
+    [d] = [one.get("d", "") for one in picture.iter("path") if "area" in (one.get("class") or "")]
+    assert d.endswith("Z")
+    x, y = np.array([[float(number) for number in place.split()] for place in re.split("[ML]", d[:-1])[1:]]).T
+    assert np.polyval(scale_of(picture, "x"), x) == pytest.approx([0, 1, 2, 2, 1, 0], abs=0.01)
+    assert np.polyval(scale_of(picture, "y"), y) == pytest.approx([*high, *low[::-1]], abs=0.05)
+
+
+@pytest.mark.parametrize(("count", "columns"), [(12, 3), (13, 3), (17, 3), (100, 7), (99, 7)])
+def test_of_each_stretch_of_a_long_line_its_ends_its_least_and_its_largest_are_kept(count: int, columns: int) -> None:
+    values = np.random.default_rng(count).normal(size=count)
+    values[::9] = np.nan
+    wanted = set(range(count))
+    if count > 4 * columns:
+        each, wanted = int(np.ceil(count / columns)), set()
+        for first in range(0, count, each):
+            part = values[first:first + each]
+            wanted |= {first, first + len(part) - 1, first + int(np.nanargmin(part)), first + int(np.nanargmax(part))}
+    assert extremes(values, columns).tolist() == sorted(wanted)
+
+
+@pytest.mark.parametrize(("count", "labelled"), [(400, True), (401, False)])
+def test_up_to_four_hundred_marks_say_what_they_are(count: int, labelled: bool) -> None:
+    picture = shown(Panel([Points("p", np.arange(count), np.arange(count), labels=[f"n{k}" for k in range(count)])]))
+    assert [one[0].text for one in picture.iter("circle")] == [f"n{k}" for k in range(count if labelled else 0)]
+    dots = [one.get("d") for one in picture.iter("path") if "dots" in (one.get("class") or "")]
+    assert [d.count("M") for d in dots if d] == ([] if labelled else [count])

@@ -299,6 +299,30 @@ def test_convert(tmp_path: Path) -> None:
     assert run.exit_code == 1
 
 
+def test_a_public_record_is_converted_with_what_was_assumed(tmp_path: Path) -> None:
+    """Of the joints whose link encoder moves, the torque behind the gear; without a clock of its own by its step."""
+    moving = np.sin(np.arange(9.0))
+    motor, link, torque, speed = (factor * np.eye(6)[:, 1:2] * moving for factor in (10.0, 11.0, 12.0, 13.0))
+    rec = {"act_pos_mot_deg": motor, "act_pos_se_deg": link, "act_torque_abs_nm": torque, "act_vel_mot_deg_per_s": speed}
+    content = {"rec": rec, "para": {"u": np.array([100.0, 200, 300, 400, 500, 600])}}
+    scipy.io.savemat(tmp_path / "a.mat", {**content, "time_data": {"dt": 0.25}})
+    converted = convert_log(tmp_path / "a.mat", "kuka-kr300")
+    assert (converted.seconds, converted.conditions) == (2.0, {})
+    assert converted.lines() == ["9 samples over 2.000 s: time_s, q2_motor_deg, q2_link_deg, q2_torque_nm, q2_speed_deg_s"]
+    for name, factor in (("motor_deg", 10), ("link_deg", 11), ("torque_nm", 12 * 200), ("speed_deg_s", 13)):
+        assert converted.columns[f"q2_{name}"] == pytest.approx(factor * moving)
+    (said,) = converted.findings
+    assert (said.code, said.level, said.message) == (
+        "CS1614", "note", "has no clock; time is the row's number times time_data.dt = 0.25 s")
+    scipy.io.savemat(tmp_path / "b.mat", {**content, "rec": {**rec, "time_cont": 7 + 0.5 * np.arange(9)}})
+    with_clock = convert_log(tmp_path / "b.mat", "kuka-kr300")
+    assert (with_clock.seconds, with_clock.columns["time_s"][0], with_clock.findings) == (4.0, 7.0, ())
+    for step in (0.0, np.inf, np.nan):
+        scipy.io.savemat(tmp_path / "c.mat", {**content, "time_data": {"dt": step}})
+        with pytest.raises(CompstiffError, match="has no clock: neither rec.time_cont nor a step in time_data.dt"):
+            convert_log(tmp_path / "c.mat", "kuka-kr300")
+
+
 @pytest.mark.parametrize("form", ["net-ft", "lvm", "metallicadour", "kuka-kr300"])
 def test_a_log_that_is_not_there_is_a_finding(tmp_path: Path, form: str) -> None:
     with pytest.raises(CompstiffError) as stopped:

@@ -10,6 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from identification.common.findings import CompstiffError
 from identification.model.cell import Cell, read_cell
+from identification.model.mechanical_units import travel
+from identification.model.rotations import Frame
 
 HEAD = "robot: irb6660-205-1.90\ntool: {position_mm: [0, 0, 200]}\n"
 TABLE = """mechanical_units:
@@ -98,3 +100,44 @@ def test_a_turning_column_under_the_robot_is_upright_in_the_world_not_in_its_own
                    "direction: [0, 1, 0]}]}\n").units or ()
     np.testing.assert_allclose(unit.displacement(np.full((1, 6), 90.0)).rotation[0], [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
                                atol=1e-12)
+
+
+def test_sizes_of_an_axis_are_in_si_whatever_its_kind(tmp_path: Path) -> None:
+    """A direction of any length; what is not stated is not known, but for the zero, which is 0."""
+    (unit,) = cell(tmp_path, """mechanical_units:
+  - name: A
+    carries: nothing
+    axes:
+      - {eax: c, direction: [0, -3, 4], zero_mm: 250, parked_mm: 40, speed_mm_s: 500, acceleration_mm_s2: 2500}
+      - {eax: a, kind: rotary, direction: [2, 0, 0], through_mm: [1, 20, -300], zero_deg: -10, parked_deg: 90, speed_deg_s: 90,
+         acceleration_deg_s2: 180}
+      - {eax: f}
+""").units or ()
+    slide, turn, unknown = unit.axes
+    assert unit.columns == [2, 0, 5]
+    for axis, direction, point in ((slide, [0, -0.6, 0.8], [0, 0, 0]), (turn, [1, 0, 0], [1e-3, 0.02, -0.3])):
+        np.testing.assert_allclose(axis.direction, direction, atol=1e-15)
+        np.testing.assert_allclose(axis.point, point, atol=1e-15)
+    told = [(axis.rotary, axis.zero, axis.parked, axis.speed, axis.acceleration) for axis in (slide, turn, unknown)]
+    assert told == [(False, 250, 40, pytest.approx(0.5), pytest.approx(2.5)),
+                    (True, -10, 90, pytest.approx(np.pi / 2), pytest.approx(np.pi)), (False, 0, None, None, None)]
+    assert unknown.direction is None
+    # It stands where it stands, whatever it is told.
+    np.testing.assert_allclose(unknown.motion(np.array([700.0])).position, 0)
+
+
+@pytest.mark.parametrize(("axes", "carries", "along"), [
+    ("{eax: a, direction: [0, 2, 0]}", "robot", [0, 0, -1]), ("{eax: a}", "robot", None),
+    ("{eax: a, kind: rotary, direction: [0, 0, 1]}", "robot", None), ("{eax: a, direction: [0, 2, 0]}", "workobject", None),
+    ("{eax: a, direction: [0, 2, 0]}, {eax: b, direction: [1, 0, 0]}", "robot", None)])
+def test_a_track_of_one_line_carries_the_robot_along_it(
+        tmp_path: Path, axes: str, carries: str, along: list[float] | None) -> None:
+    """As its base sees it, which stands a quarter turn about x in the world; of a unit that carries anything else nothing."""
+    units = cell(tmp_path, "mechanical_units:\n  - {name: N, carries: nothing, axes: []}\n"
+                 f"  - {{name: T, carries: {carries}, axes: [{axes}]}}\n").units
+    found = travel(units, Frame(Rotation.from_rotvec([np.pi / 2, 0, 0]).as_matrix(), np.ones(3)))
+    if along is None:
+        assert found is None
+    else:
+        np.testing.assert_allclose(found, along, atol=1e-12)
+    assert travel(None, Frame.identity()) is None
