@@ -160,8 +160,8 @@ def steep_at(of_targets: sparse.csr_array, slope: Array) -> Array:
     """What rows (n, 3 M) see of a slope (M,), whatever its direction (n,): one that is known along some directions alone would
     hang on the axes that a part is measured along."""
     squares = sparse.csr_array((of_targets.data**2, of_targets.indices // 3, of_targets.indptr),
-                               shape=(of_targets.shape[0], len(slope)))
-    squares.sum_duplicates()
+                               shape=(of_targets.shape[0], len(slope)), copy=True)
+    squares.sum_duplicates()        # in place: the rows themselves stay as they are
     return np.asarray(squares.sqrt() @ slope)
 
 

@@ -705,7 +705,9 @@ def test_how_steep_a_place_is_does_not_hang_on_the_axes_it_is_measured_along() -
         for place in range(2):
             weights[place, :, place] = (1 - share[place]) * axes
             weights[place, :, place + 1] = share[place] * axes
-        seen = steep_at(sparse.csr_array(weights.reshape(6, 9)), slope)
+        rows = sparse.csr_array(weights.reshape(6, 9))
+        seen = steep_at(rows, slope)
+        assert np.array_equal(rows.toarray(), weights.reshape(6, 9))
         assert seen == pytest.approx(np.repeat([0.75 * 2e-3 + 0.25 * 6e-3, 1e-3], 3))
     # Of a program of a million targets it takes what its rows take.
     long = sparse.csr_array(([0.6, 0.8], ([0, 0], [3, 5])), shape=(1, 3_000_000))
