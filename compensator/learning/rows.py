@@ -32,7 +32,7 @@ GAP = 10e-3
 class Rows:
     """n numbers at P places. value, sigma (n,) [m]: measured, less the offsets that the pass had; direction (n, 3), base frame,
     means of unit vectors; place (n,). position (P, 3) [m] and posture (P, 6) [rad] as planned, length (P,) [m] along the path,
-    time (P,) [s]. steep (n,) [m/m]: how fast the predicted deviation changes along the path there, whatever the direction.
+    time (P,) [s]. steep (n,) [m/m]: how fast the predicted deviation changes there along the path, seen along the direction.
     of_targets (n, 3 M) sparse: means of a displacement (M, 3) of the targets with force, along the directions. along_normals:
     these are the surface's. resting (P, 3) [m]: the places in the resting frame, to_base (P, 3, 3) its directions in the base
     frame; None where that is the base."""
@@ -149,20 +149,24 @@ def _resting(
 
 
 def slope_along(predicted: Predicted, moved: Array) -> Array:
-    """How fast a displacement (M, 3) [m] of the targets with force changes along the path (M,) [m/m], on the steeper side of
+    """How fast a displacement (M, 3) [m] of the targets with force changes along the path [m/m]: (2, M, 3), before and behind
     each target."""
     length = predicted.path.length[predicted.targets]
-    slope = np.linalg.norm(np.diff(moved, axis=0), axis=1) / np.maximum(np.diff(length), 1e-4)
-    return np.asarray(np.maximum(np.append(slope, 0.0), np.insert(slope, 0, 0.0))[:len(length)])
+    slope = np.diff(moved, axis=0) / np.maximum(np.diff(length), 1e-4)[:, None]
+    nothing = np.zeros((1, 3))
+    return np.stack([np.concatenate(sides)[:len(length)] for sides in ((nothing, slope), (slope, nothing))])
 
 
-def steep_at(of_targets: sparse.csr_array, slope: Array) -> Array:
-    """What rows (n, 3 M) see of a slope (M,), whatever its direction (n,): one that is known along some directions alone would
-    hang on the axes that a part is measured along."""
-    squares = sparse.csr_array((of_targets.data**2, of_targets.indices // 3, of_targets.indptr),
-                               shape=(of_targets.shape[0], len(slope)), copy=True)
-    squares.sum_duplicates()        # in place: the rows themselves stay as they are
-    return np.asarray(squares.sqrt() @ slope)
+def steep_at(of_targets: sparse.csr_array, slopes: Array) -> Array:
+    """What rows (n, 3 M) see of slopes (2, M, 3) along their own directions, on the steeper side of each target (n,)."""
+    sides = []
+    for slope in slopes:
+        seen = sparse.csr_array(
+            (of_targets.data * slope.ravel()[of_targets.indices], of_targets.indices // 3, of_targets.indptr),
+            shape=(of_targets.shape[0], len(slope)), copy=True)
+        seen.sum_duplicates()       # in place
+        sides.append(abs(seen))
+    return np.asarray(sides[0].maximum(sides[1]) @ np.ones(slopes.shape[1]))
 
 
 def _groups(length: Array, most: int) -> Indices:

@@ -684,34 +684,33 @@ def test_where_nothing_is_predicted_no_point_is_shifted() -> None:
     assert said_of_shift(rows, 50e-6 * np.sin(length / 0.01), job, "points.csv") == []
 
 
-def test_the_deviation_is_as_steep_as_the_steeper_side() -> None:
-    """Per metre of path; targets nearer than 0.1 mm count as that far apart."""
+def test_a_deviation_has_a_slope_on_either_side_of_a_target() -> None:
+    """Per metre of path, by component; targets nearer than 0.1 mm count as that far apart."""
     job = SimpleNamespace(path=SimpleNamespace(length=np.array([0.0, 9.0, 9.01, 9.03, 9.03001])), targets=np.arange(1, 5))
     moved = 1e-6 * np.array([[10, 0, 5], [40, 0, -15], [20, 8, -15], [20, 8, -14]])
-    steep = slope_along(job, moved)
-    first = np.hypot(3000, 2000)
-    assert steep == pytest.approx(1e-6 * np.array([first, first, 1e4, 1e4]))
+    between = 1e-6 * np.array([[3000, 0, -2000], [-1000, 400, 0], [0, 0, 1e4]])
+    before, behind = slope_along(job, moved)
+    assert before == pytest.approx(np.vstack([np.zeros(3), between]))
+    assert behind == pytest.approx(np.vstack([between, np.zeros(3)]))
     for count in (0, 1):
         alone = slope_along(SimpleNamespace(path=job.path, targets=np.arange(2, 2 + count)), moved[:count])
-        assert alone.tolist() == [0.0] * count
+        assert alone.tolist() == np.zeros((2, count, 3)).tolist()
 
 
-def test_how_steep_a_place_is_does_not_hang_on_the_axes_it_is_measured_along() -> None:
-    """Between two targets straight from the slope of one to that of the other."""
-    share, slope = np.array([0.25, 1.0]), np.array([2e-3, 6e-3, 1e-3])
-    turned = Rotation.from_rotvec([0.3, -1.1, 0.6]).as_matrix()
-    for axes in (np.eye(3), turned):
-        weights = np.zeros((2, 3, 3, 3))
-        for place in range(2):
-            weights[place, :, place] = (1 - share[place]) * axes
-            weights[place, :, place + 1] = share[place] * axes
-        rows = sparse.csr_array(weights.reshape(6, 9))
-        seen = steep_at(rows, slope)
-        assert np.array_equal(rows.toarray(), weights.reshape(6, 9))
-        assert seen == pytest.approx(np.repeat([0.75 * 2e-3 + 0.25 * 6e-3, 1e-3], 3))
+@pytest.mark.parametrize("turn", [np.eye(3), Rotation.from_rotvec([0.3, -1.1, 0.6]).as_matrix()], ids=["base", "turned"])
+def test_a_number_sees_how_steep_it_is_along_its_own_direction(turn: np.ndarray) -> None:
+    """Halfway between two targets, the steeper side of each; in whatever axes direction and slopes are told."""
+    slopes = 1e-3 * np.array([[[0, 0, 0], [4, 0, 0], [0, 2, 0]], [[4, 0, 0], [0, 2, 0], [0, 0, 0]]])
+    for direction, seen in (([1, 0, 0], 4e-3), ([0, 1, 0], 1e-3), ([0, 0, 1], 0.0), ([0.6, 0.8, 0], 2.4e-3),
+                            ([0.6, -0.8, 0], 2.4e-3)):
+        weights = np.zeros((1, 3, 3))
+        weights[0, :2] = 0.5 * turn @ direction
+        rows = sparse.csr_array(weights.reshape(1, 9))
+        assert steep_at(rows, slopes @ turn.T) == pytest.approx([seen], abs=1e-12)
+        assert np.array_equal(rows.toarray(), weights.reshape(1, 9))        # nothing of it is changed
     # Of a program of a million targets it takes what its rows take.
     long = sparse.csr_array(([0.6, 0.8], ([0, 0], [3, 5])), shape=(1, 3_000_000))
-    assert steep_at(long, np.full(1_000_000, 2e-3)) == pytest.approx([2e-3])
+    assert steep_at(long, np.broadcast_to([2e-3, 0, 1e-3], (2, 1_000_000, 3))) == pytest.approx([2e-3])
 
 
 def test_a_point_between_two_walls_is_as_near_to_either() -> None:

@@ -356,12 +356,10 @@ def test_rows_are_the_means_of_neighbours_along_alike_directions(
     if most == 25:
         assert number + 1 > 25      # a gap within one
     moved = predicted.prediction.position
-    steep = np.zeros(len(moved))
+    steep: list[list[Any]] = []
     for a in range(len(targets)):
-        for b in (a - 1, a + 1):
-            if 0 <= b < len(targets):
-                way = max(abs(path.length[targets[b]] - path.length[targets[a]]), 1e-4)
-                steep[a] = max(steep[a], float(np.linalg.norm(moved[b] - moved[a])) / way)
+        steep.append([(moved[b] - moved[a]) / max(abs(path.length[targets[b]] - path.length[targets[a]]), 1e-4)
+                      for b in (a - 1, a + 1) if 0 <= b < len(targets)])
     members: dict[tuple[int, int], list[int]] = {}
     for k, point in enumerate(placed.rows):
         main = int(np.argmax(np.abs(normal[point])))
@@ -383,7 +381,7 @@ def test_rows_are_the_means_of_neighbours_along_alike_directions(
             variance += (1e-6 * table[point, 7]) ** 2
         count = len(members[key])
         seen /= count
-        steeper = float(np.linalg.norm(seen, axis=1) @ steep)
+        steeper = sum(max(abs(float(along @ slope)) for slope in slopes) for along, slopes in zip(seen, steep, strict=True))
         value = value / count - (float(np.sum(seen * off[targets])) if shifted else 0.0)
         assert rows.value[row] == pytest.approx(value, abs=1e-12)
         assert rows.sigma[row] == pytest.approx(np.sqrt(variance) / count, rel=1e-9)
