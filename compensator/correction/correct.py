@@ -162,7 +162,7 @@ def correct(planned: Predicted) -> Corrected:
     >>> predicted = compstiff.predict(cell, program, model, "insert.forces.parquet", compstiff.Settings.of(tare=((0, 2),)))
     >>> corrected = compstiff.correct(predicted)
     >>> corrected.as_dict()["corrected"], f"{1e3 * abs(corrected.correction.offset).max():.3f} mm"
-    (3190, '0.326 mm')
+    (3197, '0.326 mm')
     """
     check_rapid(planned.path.cell.robot, "correct writes RAPID", str(planned.program.source or planned.path.cell.source))
     try:

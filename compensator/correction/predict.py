@@ -156,7 +156,7 @@ def predict(
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
     >>> predicted = compstiff.predict(cell, program, model, "insert.forces.parquet", compstiff.Settings.of(tare=((0, 2),)))
     >>> predicted.as_dict()["predicted"], (1e6 * predicted.prediction.position[0]).round(1).tolist()
-    (2777, [-11.1, 13.0, 0.9])
+    (2778, [-11.1, 13.0, 0.9])
     """
     _check_sources(forces, settings)
     cell = cell if forces is not None else in_base(cell)

@@ -231,11 +231,13 @@ def _bars(panel: Panel, bars: list[Bars], horizontal: Scale, vertical: Scale) ->
         ends = np.where(known, base + values if panel.stacked else values, base)
         first, last = across(base), across(ends)
         middle = along(np.arange(len(names))) + (0.0 if panel.stacked else (place - 0.5 * (len(bars) - 1)) * thick)
-        for i in np.flatnonzero(known).tolist():
+        for i, name in enumerate(names):
+            if not known[i]:
+                continue
             near, far = sorted((float(first[i]), float(last[i])))
             edge = float(middle[i]) - 0.5 * thick
             box = (near, edge, far - near, thick) if panel.sideways else (edge, near, thick, far - near)
-            parts.append(BAR.format(item.colour, *box, names[i], item.name, number(float(values[i]))))
+            parts.append(BAR.format(item.colour, *box, name, item.name, number(float(values[i]))))
         if panel.stacked:
             base = ends
     return Markup("").join(parts)
