@@ -279,6 +279,13 @@ def test_three_rows_that_cannot_be_and_a_tenth_of_all_are_told(
     assert (code in {finding.code for finding in findings}) == told
 
 
+def test_weights_are_named_to_ten_grams(tmp_path: Path) -> None:
+    path = tmp_path / "measurements.csv"
+    rows = [HUNG_ROW.replace(",25,", f",{mass},") for mass in (0, 12.346, 12.354, 12.356, 0)]
+    path.write_text("\n".join([HUNG, *rows]) + "\n")
+    assert read_measurements(path, read_cell(write_cell(tmp_path))).weights == ("--dead-weight", "12.35,12.36")
+
+
 @pytest.mark.parametrize("count", [1, 6, 7])
 def test_up_to_six_weights_are_named_each_once(tmp_path: Path, count: int) -> None:
     """More masses are the same ones, each weighed with its hook."""

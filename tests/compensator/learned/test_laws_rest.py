@@ -83,6 +83,12 @@ def test_nothing_drifts_in_a_job_that_takes_no_time() -> None:
     assert not frame.columns(np.ones((2, 3)), np.array([0.0, 5.0]))[:, :, 6:].any()
 
 
+def test_a_job_of_less_than_a_second_drifts_too() -> None:
+    frame = JobFrame(Frame.identity(), np.zeros(3), 0.1, 0.8)
+    found = frame.columns(np.ones((3, 3)), np.array([0.0, 0.2, 0.8]))[:, :, 6:]
+    np.testing.assert_allclose(found, np.array([0.0, 0.25, 1.0])[:, None, None] * np.eye(3))
+
+
 @pytest.mark.parametrize(("repeats", "kept"), [("job", (True, True)), ("setup", (True, False)), ("nothing", (False, False))])
 def test_a_program_takes_of_set_up_and_drift_what_repeats(repeats: Any, kept: tuple[bool, bool]) -> None:
     """All of both or nothing, in the mean, in every covariance with it, and in what no point showed of the set-up; springs and

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -12,6 +13,8 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,8 +28,9 @@ from compstiff.batch.pairing import Folders
 from compstiff.batch.programs import ProgramResult, Shared
 from compstiff.batch.watch import Watch
 from compstiff.cli.main import compstiff
+from compstiff.cli.watch import _log
 from compstiff.outcome import Session
-from identification.common.findings import CompstiffError
+from identification.common.findings import CompstiffError, Finding, Level
 from tests.compstiff.batch.programs import Shop, shop
 from tests.support import started
 
@@ -320,3 +324,19 @@ def test_it_ends_cleanly_when_asked(place: Shop, number: int, code: int) -> None
         running.send_signal(number)
         stdout, stderr = running.communicate(timeout=300)
     assert (running.returncode, stdout, stderr) == (code, "", "")
+
+
+@pytest.mark.parametrize(("options", "shown"), [
+    ({}, ["line", "error", "warning"]), ({"quiet": True}, ["line", "error"]),
+    ({"verbose": True}, ["line", "error", "warning", "note"]),
+    ({"quiet": True, "done": True}, []), ({"done": True}, ["line"])])
+def test_what_is_said_of_a_program_follows_quiet_and_verbose(
+    capsys: pytest.CaptureFixture[str], options: dict[str, bool], shown: list[str]
+) -> None:
+    """On stderr; of one that is done and has nothing to say its line alone, and that not with --quiet."""
+    done = options.pop("done", False)
+    levels: list[Level] = [] if done else ["error", "warning", "note"]
+    findings = tuple(Finding(f"CS900{k}", level, f"this is the {level}") for k, level in enumerate(levels))
+    said: Any = SimpleNamespace(code=int(not done), findings=findings, lines=lambda: ["Part.mod: this is the line"])
+    _log(Session("watch", **options), said)
+    assert re.findall(r"this is the (\w+)", capsys.readouterr().err) == shown

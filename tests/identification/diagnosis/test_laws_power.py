@@ -15,7 +15,7 @@ from identification.diagnosis.detect import base_of, goodness_of_fit
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.dictionary import dictionary_of
 from identification.diagnosis.pages import diagnosis_report
-from identification.diagnosis.power import chance, needed, showing, weakest
+from identification.diagnosis.power import NEVER, _reached, chance, needed, showing, weakest
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import read_measurements
@@ -40,6 +40,14 @@ def test_the_worst_fifth_of_the_directions_does_not_count() -> None:
     assert weakest(np.array([[9.0]])) == 3.0
     assert weakest(4 * np.eye(3)) == pytest.approx(2.0)
     assert weakest(np.diag([25.0, 0.0])) == pytest.approx(5 * np.sin(np.radians(18)), rel=0.15)
+
+
+@pytest.mark.parametrize(("noticed", "size"), [
+    ([0.8, 0.9, 1.0], 2.0), ([0.9, 0.9, 1.0], 2.0), ([0.4, 0.8, 1.0], 6.0), ([0.6, 1.0, 1.0], np.sqrt(12)),
+    ([0.0, 0.5, 0.9], 6 * 3 ** 0.75), ([0.0, 0.5, 0.79], NEVER)])
+def test_from_where_on_a_cause_is_noticed_lies_between_two_sizes(noticed: list[float], size: float) -> None:
+    """Of sizes 2, 6 and 18, on their logarithm; at the smallest of all where that is noticed."""
+    assert _reached(np.array([2.0, 6.0, 18.0]), np.array(noticed)) == pytest.approx(size)
 
 
 @pytest.mark.parametrize("differs", [0.0, 0.3])

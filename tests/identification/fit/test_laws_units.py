@@ -121,6 +121,8 @@ def test_a_column_in_another_unit_is_mended_by_what_the_unit_is(data: LoadTest) 
                "in lbf, not in N": 0.45359237 * 9.80665, "in mN, not in N": 1e-3}
     microns = {"in mm, not in um": 1e3, "ten times too small": 10.0, "ten times too large": 0.1, "in mil, not in um": 25.4,
                "in nm, not in um": 1e-3}
+    moments = np.random.default_rng(1).normal(0, 50, (len(data.rows), 3))
+    data = data.with_rows(replace(data.rows, wrench=np.column_stack([data.rows.wrench[:, :3], moments])))
     mistakes = {each.sentence: each for each in axes_mistakes(data) if "_unit" in each.key}
     for quantity, column, names, units in (("wrench", "forces", ("fx", "fy", "fz"), newtons),
                                            ("deflection", "deflections", ("dx", "dy", "dz"), microns)):

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 from identification.model.effects import effects
 from identification.model.effects.channel_delay import ChannelDelay
-from identification.motion import causes, search
+from identification.motion import causes, procedure, search
 from identification.motion.axis import Axis, Solved, axis_of, solve
 from identification.motion.band import BAND, low_pass
 from identification.motion.causes import LogCause, cause_of
@@ -253,3 +253,30 @@ def test_a_gain_is_written_with_the_ratio_of_both_zeros() -> None:
         "interval": [3.5, 4.6], "variance_explained_before": 0.2, "variance_explained_after": 0.9, "held_out": "other.csv",
         "with_fitted_zero": {"rms_before_urad": pytest.approx(500), "rms_after_urad": pytest.approx(250),
                              "ratio": pytest.approx(2.0)}}
+
+
+def test_a_cause_has_the_values_of_the_sets_that_hold_it_each_as_likely_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 0.6, 0.15 and 0.05 that hold it in this shape; one of another shape, one without it and one of under a thousandth do
+    not count. What they differ by is in the spread."""
+    own: Any = SimpleNamespace(name="own")
+    other: Any = SimpleNamespace(name="other")
+    said = {0.6: (own, [2.0, 5.0], [0.3, 1.0]), 0.15: (own, [4.0, 5.0], [0.1, 2.0]), 0.05: (own, [3.0, 9.0], [0.2, 0.0]),
+            0.1: (other, [99.0, 99.0], [1.0, 1.0]), 0.0009: (own, [77.0, 77.0], [1.0, 1.0])}
+    hypotheses: Any = [SimpleNamespace(entries=(4, 1), probability=each) for each in said]
+    hypotheses.append(SimpleNamespace(entries=(4,), probability=0.2))
+
+    def cause_of(_: object, one: Any, place: int, probability: float) -> LogCause:
+        shape, values, std = said[one.probability]
+        assert place == 1
+        return LogCause(shape, 2, probability, np.array(values), np.array(std))
+
+    monkeypatch.setattr(procedure, "cause_of", cause_of)
+    first = cause_of(None, hypotheses[0], 1, 0.9)
+    found = procedure._averaged(SimpleNamespace(), hypotheses, 1, first)
+    weight = np.array([0.6, 0.15, 0.05]) / 0.8
+    values, std = np.array([[2.0, 5], [4, 5], [3, 9]]), np.array([[0.3, 1], [0.1, 2], [0.2, 0]])
+    mean = (weight[:, None] * values).sum(axis=0)
+    assert_allclose(found.values, mean)
+    assert_allclose(found.std, np.sqrt((weight[:, None] * (std**2 + values**2)).sum(axis=0) - mean**2))
+    assert (found.shape, found.probability) == (own, 0.9)
+    assert procedure._averaged(SimpleNamespace(), hypotheses[-1:], 1, first) is first
