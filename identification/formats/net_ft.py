@@ -51,11 +51,11 @@ def read_net_ft(
     if faulty:
         findings.append(Finding("CS0205", "warning", f"{counted(faulty, 'sample')} with a sensor status that is not zero",
                                 file=name, hint="saturation or a gauge fault: see the sensor's status codes"))
-    return ForceSamples(name, (inside - inside[0]) / rate_hz, records["force"] / counts_per_n,
+    return ForceSamples(name, inside / rate_hz, records["force"] / counts_per_n,
                         records["moment"] / counts_per_nm, findings=tuple(findings))
 
 
 def _unwrapped(sequence: np.ndarray) -> np.ndarray:
-    """A 32-bit counter that may have run over, as float."""
+    """Counts (n,) since the first of a 32-bit counter that may have run over, as float."""
     step = np.mod(np.diff(sequence.astype(float)) + 2.0**31, 2.0**32) - 2.0**31
     return np.concatenate([[0.0], np.cumsum(step)])

@@ -76,6 +76,9 @@ def test_a_program_takes_set_up_drift_and_remainder_where_it_stands(turned: bool
         r = np.sqrt(5) * np.linalg.norm(base_position[target] - [1.0, 0.1, 0.5]) / 0.2
         expected = expected + (1 + r + r * r / 3) * np.exp(-r) * weight
         np.testing.assert_allclose(found.mean[place], expected, rtol=1e-5, atol=1e-12)
+        # Half of the remainder's variance is told there.
+        assert bool(found.inside[place]) is bool(((1 + r + r * r / 3) * np.exp(-r)) ** 2 >= 0.5)
+    assert found.inside.tolist() == [True, False, False]
 
 
 def test_nothing_drifts_in_a_job_that_takes_no_time() -> None:

@@ -52,6 +52,12 @@ def test_along_the_normal(folder: Path, name: str) -> None:
     assert not read(folder, f"x_mm,y_mm,z_mm,nx,ny,nz,{name},std_um\n10,20,-1,0,0.6,0.8,12,3\n").findings
 
 
+def test_a_normal_that_is_off_its_length_by_what_is_written_is_one_of_length_one(folder: Path) -> None:
+    """To two digits, as some probes write it; beyond a hundredth it is refused (below)."""
+    points = read(folder, "x_mm,y_mm,z_mm,nx,ny,nz,dn_um\n10,20,-1,0.71,0.71,0,12\n11,20,-1,0,0,0.991,-4\n")
+    assert np.allclose(points.direction, [[np.sqrt(0.5), np.sqrt(0.5), 0], [0, 0, 1]], atol=1e-12)
+
+
 @pytest.mark.parametrize(("text", "code", "line", "words"), [
     ("x_mm,y_mm,z_mm\n1,2,3\n", "CS5300", 1, "neither"),
     ("x_mm,y_mm,z_mm,dn_um\n1,2,3,4\n", "CS5300", 1, "no nx ny nz"),
