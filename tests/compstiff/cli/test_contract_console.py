@@ -529,6 +529,9 @@ def test_a_file_is_no_folder(tmp_path: Path) -> None:
     done = CliRunner().invoke(group, ["demo", str(file)])
     assert done.exit_code == 2
     assert "is a file" in done.stderr
+    done = CliRunner().invoke(group, ["watch", str(file), str(tmp_path / "out"), "--cell", str(file), "--stiffness", str(file)])
+    assert done.exit_code == 2
+    assert "is a file" in done.stderr
 
 
 @pytest.mark.parametrize(("option", "value", "said"), [

@@ -114,6 +114,8 @@ def test_signs_were_lost_where_a_tenth_of_the_loads_have_another(data: LoadTest,
     deflection = 1e-6 * wrench[:, :3]
     deflection[loaded[:turned]] *= -1
     assert ("forces_unsigned" in keys(data, wrench=wrench, deflection=deflection)) is unsigned
+    wrench[loaded[-1], 2] *= -1         # one that has a sign: they were written
+    assert "forces_unsigned" not in keys(data, wrench=wrench, deflection=deflection)
 
 
 @pytest.mark.parametrize(("per_cent", "alike"), [(1.8, True), (2.2, False)])

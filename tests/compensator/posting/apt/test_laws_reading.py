@@ -288,6 +288,12 @@ def test_the_way_back_to_a_depth_is_in_the_air_where_it_begins_above_a_millimetr
                                      (30, 0, True, False)]
 
 
+@pytest.mark.parametrize("first", [2, 3])
+def test_a_hole_no_deeper_than_its_first_peck_is_drilled_at_once(read, first):
+    path = read(f"UNITS/MM\nFEDRAT/600\nGOTO/30,0,9\nCYCLE/DEEP,DEPTH,2,CLEAR,1,STEP,{first}\nGOTO/30,0,0\nCYCLE/OFF\n")
+    assert [step for step in driven_hole(path) if step[3]] == [(30, -2, False, True)]
+
+
 @pytest.mark.parametrize("degrees", [(30, 0), (-77, 10), (131, -20), (10, 33), (45, 45)])
 def test_a_turn_with_six_decimals_is_one(read, degrees):
     """Whether its rounding makes it a little larger or smaller."""
