@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from identification.common.files import AsRead, check_writable
+from identification.common.files import AsRead, check_writable, file_stamp
 from identification.common.findings import CompstiffError
 
 
@@ -52,3 +52,21 @@ def test_a_file_that_changed_or_came_or_went_is_told(tmp_path: Path) -> None:
         with pytest.raises(CompstiffError) as stopped:
             read.check()
         assert [(finding.code, finding.file) for finding in stopped.value.findings] == [("CS0080", str(file))]
+
+
+def test_a_file_s_stamp_is_another_once_it_is_written_or_replaced(tmp_path: Path) -> None:
+    file, other = tmp_path / "a.csv", tmp_path / "b.csv"
+    assert file_stamp(file) is None
+    file.write_text("1,2")
+    stamp = file_stamp(file)
+    assert stamp is not None
+    assert file_stamp(file) == stamp
+    other.write_text("3,4")
+    os.utime(other, ns=(0, stamp[3]))
+    os.replace(other, file)             # as long, and as old
+    assert file_stamp(file) not in (stamp, None)
+    stamp = file_stamp(file)
+    file.write_text("1,2,3")
+    assert file_stamp(file) != stamp
+    file.unlink()
+    assert file_stamp(file) is None
