@@ -2,7 +2,7 @@
 
     python benchmarks/reached.py STATE/map -q                          # once: who reaches what; Python 3.12 or newer
     python benchmarks/mutants.py [--each 6] [--seed 0] [--only REGEX] [--since COMMIT] [--state STATE] [--budget 60]
-                                    [--processes 1] [--limits] [--tests FILES] [--report]
+                                    [--processes 1] [--limits] [--tests FILES] [--again] [--report]
 
 What is changed: operators, comparisons, `and`/`or`, `min`/`max`, `all`/`any`, signs, numbers, True and False, a return of
 nothing, `continue`/`break`, a `not`. As many are drawn from each room, in turns, so that a run that is cut short is even too;
@@ -12,7 +12,9 @@ class, in a process of its own. Tests that reach its statement judge it, those o
 cheapest first, until they would take --budget seconds of the processor; for a statement outside functions (a limit, a table)
 those that reach a line which names what it sets, and those of tables; with --tests all of these files. A test that fails
 notices it; on the tree as it is it must pass, which is tried once in a call. What takes five times as long as the map says has
-hung. What was judged stands in a file of JSON lines, and is not judged again: the same call goes on. Printed: by room.
+hung. What was judged stands in a file of JSON lines, and is not judged again: the same call goes on. With --again those that
+survived are judged once more, with a greater budget: whether a test of the suite notices that is not among the cheapest.
+Printed: by room.
 Survivors whose change nobody can see are in equivalent_mutants.tsv, each with its reason.
 """
 
@@ -22,6 +24,7 @@ import argparse
 import ast
 import collections
 import compileall
+import functools
 import io
 import json
 import os
@@ -171,7 +174,8 @@ def names_of(text: str, line: int) -> list[str]:
 
 
 def judges(mutant: Mutant, known: Map, budget: float) -> list[str]:
-    """The tests that reach it: of its own room, then of others, the cheapest first, for `budget` seconds together."""
+    """The tests that reach it: of its own room (those of a file that is named after its file first), then of others, the
+    cheapest first, for `budget` seconds together."""
     text = (ROOT / mutant.file).read_text(encoding="utf-8")
     first, last, inside = statement(text, mutant.line)
     tests = known.reaching((mutant.file, line) for line in range(first, last + 1)) if inside else []
@@ -182,11 +186,12 @@ def judges(mutant: Mutant, known: Map, budget: float) -> list[str]:
                                if name.search(line))
     tables = [] if inside else [test for test in known.seconds if test.startswith(TABLES)]
     tests = list(dict.fromkeys([*tables, *tests]))
-    parts = Path(mutant.file).with_suffix("").parts
-    own = tuple(f"tests/{'/'.join(parts[:size])}/" for size in (3, 2))
-    chosen, spent = [], 0.0
-    for test in sorted(tests, key=lambda test: (test not in tables, not test.startswith(own[1]),
-                                             not test.startswith(own[0]))):
+    package, *rooms, own = Path(mutant.file).with_suffix("").parts
+    room = f"tests/{package}/{rooms[0]}/" if rooms else f"tests/{package}/test_"
+    chosen: list[str] = []
+    spent = 0.0
+    for test in sorted(tests, key=lambda test: (test not in tables, not test.startswith(room),
+                                             own not in test.split("::")[0].split("/")[-1])):
         cost = known.seconds[test] + EACH_TEST
         if spent + cost <= budget or not chosen:
             chosen.append(test)
@@ -321,6 +326,7 @@ def main() -> int:
     parser.add_argument("--budget", type=float, default=60.0)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--state", type=Path, default=Path(tempfile.gettempdir()) / "compstiff-mutants")
+    parser.add_argument("--again", action="store_true", help="those that survived, once more")
     parser.add_argument("--report", action="store_true", help="judge none, print what was judged")
     chosen = parser.parse_args()
     chosen.state.mkdir(parents=True, exist_ok=True)
@@ -328,7 +334,8 @@ def main() -> int:
     judged_before = [json.loads(line) for line in lines.read_text().splitlines()] if lines.exists() else []
     told_of = {entry["key"]: entry for entry in judged_before}
     if not chosen.report:
-        ahead = [mutant for mutant in drawn(chosen) if mutant.key not in told_of]
+        left = {key for key, entry in told_of.items() if entry["verdict"] == "survived" and not argued(entry)}
+        ahead = [mutant for mutant in drawn(chosen) if (mutant.key in left if chosen.again else mutant.key not in told_of)]
         known, until = Map.read(chosen.state / "map"), time.monotonic() + chosen.seconds
         waiting: queue.Queue[Judge] = queue.Queue()
         passing: set[str] = set()
@@ -355,14 +362,24 @@ def main() -> int:
     return told(told_of)
 
 
+@functools.cache
+def equivalent() -> set[tuple[str, ...]]:
+    """File, line and change of those whose change nobody can see."""
+    return {tuple(line.split("\t")[:3]) for line in EQUIVALENT.read_text(encoding="utf-8").splitlines()}
+
+
+def argued(entry: dict[str, Any]) -> bool:
+    """Whether what was judged is argued to be equivalent."""
+    place, change = entry["key"].split(" ", 1)
+    return (place.split(":")[0], entry["text"], change) in equivalent()
+
+
 def told(known: dict[str, dict[str, Any]]) -> int:
     """By room; exit 1 where one survived that is not argued to be equivalent."""
-    equivalent = {" ".join(line.split("\t")[:3]) for line in EQUIVALENT.read_text(encoding="utf-8").splitlines()}
     rooms: dict[str, collections.Counter[str]] = collections.defaultdict(collections.Counter)
     for entry in known.values():
-        place, change = entry["key"].split(" ", 1)
-        same = f"{place.split(':')[0]} {entry['text']} {change}" in equivalent
-        rooms[entry["room"]]["equivalent" if same and entry["verdict"] in ("survived", "unreached") else entry["verdict"]] += 1
+        same = entry["verdict"] in ("survived", "unreached") and argued(entry)
+        rooms[entry["room"]]["equivalent" if same else entry["verdict"]] += 1
     total: collections.Counter[str] = collections.Counter()
     for room, counts in sorted(rooms.items()):
         total.update(counts)

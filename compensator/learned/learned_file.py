@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -130,8 +131,9 @@ def read_learned(file: str | Path, cell: Cell) -> Learned:
     position = 1e-3 * np.array(part.remainder.places_mm).reshape(-1, 3)
     posture = np.radians(np.array(part.remainder.posture_deg)).reshape(-1, 6)
     job = part.job
-    if np.linalg.norm(job.quaternion) < 1e-6:
-        raise error("CS5320", "job.quaternion has no direction", file=name)
+    if not abs(math.hypot(*job.quaternion) - 1.0) < 1e-3:
+        raise error("CS5320", f"job.quaternion must have norm 1, and has {math.hypot(*job.quaternion):.6g}", file=name,
+                    hint="edit no learned file by hand")
     return Learned(
         np.array(part.prior), np.array(part.mean), _covariance(part.covariance, count, name),
         JobFrame(Frame.from_quaternion(1e-3 * np.array(job.position_mm), job.quaternion), 1e-3 * np.array(job.centre_mm),

@@ -24,6 +24,8 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
     """
     table = read_table(file, required=("target", *DEVIATION), optional=POSITION, may_be_empty=(*DEVIATION, *POSITION),
                        together=(POSITION,))
+    if not len(table):
+        raise error("CS6028", "has no row below its header", file=table.source, line=table.header_line)
     if readings.key == "path_mm":
         raise error("CS6028", f"is placed by path_mm, {file} by targets and their places", file=readings.source,
                     hint="measure at targets (column target), or give x_mm y_mm z_mm")

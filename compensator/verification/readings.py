@@ -112,6 +112,8 @@ def read_readings(file: Path, cell: Cell) -> Readings:
                                                     *NORMAL, "std_um"),
                        may_be_empty=(*DEVIATION, "dn_um", *POSITION), together=(POSITION, SIGMA, NORMAL))
     check_measured(table, "it goes to --predicted")
+    if not len(table):
+        raise error("CS6020", "has no row below its header", file=table.source, line=table.header_line)
     key, place = _placed(table)
     along_normal = "dn_um" in table.numbers
     if along_normal == any(name in table.numbers for name in DEVIATION):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-_UNIT = r"[ _]*(?:[\[(/] ?)?(?P<unit>°|deg|degrees|grad|rad|n|kn|n ?[*·]? ?m|mm|m|[µμu]m|mym|ms|s|sec|sek|min|kg)[\])]?"
+_UNIT = (r"[ _]*(?:[\[(/] ?)?(?P<unit>°|deg|degrees|grad|rad|k?n|lbf?|kgf?|k?n ?[*·.]? ?[cm]?m|lbf?[ ._·*]?(?:in|ft)|[cm]?m|in|"
+         r"[µμu]m|mym|[mµμu]?s|sec|sek|min|g)[\])]?")
 _WHAT = (
     (r"(?:achse|axis|gelenk|joint|theta|θ|[aqj])[ _]?(?P<number>[1-6])", "joint"),
     (r"(?:f|force|kraft)[ _]?(?P<axis>[xyz])", "force"), (r"(?:m|moment|torque)[ _]?(?P<axis>[xyz])", "moment"),

@@ -16,7 +16,7 @@ from identification.common.arrays import Array
 from identification.common.cells import MOST_COMPLAINTS, Cells, Numbers, Texts, csv_cells, parquet_cells, shown
 from identification.common.clock_times import TIME, with_seconds
 from identification.common.findings import CompstiffError, Finding, Level, counted, error
-from identification.common.header_names import renamed
+from identification.common.header_names import meant, renamed
 from identification.common.sizes import LARGEST_CELL
 from identification.common.workbook import sheet_finding
 
@@ -196,13 +196,15 @@ def _commas_read(frame: pd.DataFrame, file: str, names: Sequence[str], line: NDA
 
 
 def unread(extra: Sequence[str], absent: Sequence[str]) -> list[tuple[Level, str]]:
-    """What to say of columns that are not read: a warning for one that looks like a misspelt name."""
+    """What to say of columns that are not read: a warning for one that looks like a misspelt name, or is in another unit."""
     texts: list[tuple[Level, str]] = []
     others = []
     for name in extra:
-        near = difflib.get_close_matches(name.lower(), absent, n=1, cutoff=0.6)
+        column, needed = meant(name)
+        near = [column] if column in absent else difflib.get_close_matches(name.lower(), absent, n=1, cutoff=0.6)
         if near:
-            texts.append(("warning", f"column '{name}' is not read; is '{near[0]}' meant?"))
+            convert = f" It must be in {needed}: convert its numbers" if needed and near == [column] else ""
+            texts.append(("warning", f"column '{name}' is not read; is '{near[0]}' meant?{convert}"))
         else:
             others.append(name)
     if others:

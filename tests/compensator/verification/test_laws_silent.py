@@ -11,6 +11,7 @@ import pytest
 
 from compensator.verification.readings import read_readings
 from compensator.verification.verify import verify
+from identification.common.findings import CompstiffError
 from identification.common.typed_zeros import typed_zeros
 from identification.model.cell import Cell, read_cell
 from tests.support import write_cell
@@ -131,3 +132,16 @@ def test_a_robot_that_would_be_another_one_in_motion_is_said(cell: Cell, tmp_pat
             assert (low < share < high or abs(scale - share) < 0.01, low < scale < high) == (True, True)
             assert ("of the diameter" in one.hint) == (share == 2.04)
             assert ("deviation of a diameter" in one.hint) == (said == "CS6052")
+
+
+@pytest.mark.parametrize(("empty", "code"), [("before", "CS6020"), ("after", "CS6020"), ("predicted", "CS6028")])
+@pytest.mark.parametrize("place", ["target", "x_mm,y_mm,z_mm"])
+def test_a_table_without_a_row_is_named(tmp_path: Path, cell: Cell, empty: str, code: str, place: str) -> None:
+    files = {name: tmp_path / f"{name}.csv" for name in ("before", "after", "predicted")}
+    for name, file in files.items():
+        header = ("target,x_mm,y_mm,z_mm" if name == "predicted" else place) + ",dx_um,dy_um,dz_um"
+        rows = [] if name == empty else [",".join(map(str, range(k, k + header.count(",") + 1))) for k in range(5)]
+        file.write_text("\n".join([header, *rows]) + "\n")
+    with pytest.raises(CompstiffError) as refused:
+        verify(cell, files["before"], files["after"], files["predicted"])
+    assert [str(one) for one in refused.value.findings] == [f"{files[empty]}:1: error {code}: has no row below its header"]

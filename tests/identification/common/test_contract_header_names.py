@@ -10,6 +10,7 @@ import pytest
 
 from identification.common.findings import CompstiffError
 from identification.common.header_names import meant, renamed
+from identification.common.tables import unread
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from tests.runs.command_line import user_files as kit
@@ -68,6 +69,18 @@ def test_another_unit_is_said_and_not_renamed(tmp_path: Path) -> None:
         read_measurements(table, read_cell(cell).robot)
     words = "'dx [mm]', 'dy [mm]', 'dz [mm]' must be dx_um, dy_um, dz_um, in micrometres: convert their numbers"
     assert words in refused.value.findings[0].hint
+
+
+@pytest.mark.parametrize(("header", "column", "unit"), [
+    ("mx_nmm", "mx_nm", "newton metres"), ("My [N·mm]", "my_nm", "newton metres"), ("Mz [kNm]", "mz_nm", "newton metres"),
+    ("mx_lbf_in", "mx_nm", "newton metres"), ("fx_kgf", "fx_n", "newtons"), ("Fy [lbf]", "fy_n", "newtons"),
+    ("dz_m", "dz_um", "micrometres"), ("dx [in]", "dx_um", "micrometres"), ("masse_g", "mass_kg", "kilograms"),
+    ("Zeit [us]", "time_s", "seconds"), ("x_m", "x_mm", "millimetres")])
+def test_a_unit_of_another_size_is_told_as_one(header: str, column: str, unit: str) -> None:
+    """A column that may be missing is left out with a warning, which must not lead to its name over the numbers as they are."""
+    assert meant(header) == (column, unit)
+    assert unread([header], [column, "target"]) == [
+        ("warning", f"column '{header}' is not read; is '{column}' meant? It must be in {unit}: convert its numbers")]
 
 
 def test_the_csv_that_excel_writes_first_is_no_utf_8(tmp_path: Path) -> None:
