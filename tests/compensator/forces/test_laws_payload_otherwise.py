@@ -33,7 +33,8 @@ def figures(said: dict) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     """mass and centre (4,), their 1 sigma, bias (6,), its 1 sigma."""
     found = said["result"]
     payload, bias = [found["mass_kg"], *found["centre_of_mass_mm"]], [*found["bias_n"], *found["bias_nm"]]
-    return tuple(np.array([one[key] for one in each]) for each in (payload, bias) for key in ("estimate", "std"))     # type: ignore
+    mean, std, zero, unsure = ([one[key] for one in each] for each in (payload, bias) for key in ("estimate", "std"))
+    return np.array(mean), np.array(std), np.array(zero), np.array(unsure)
 
 
 def told(folder: Path, still: Path, cell: str) -> tuple[tuple[np.ndarray, ...], list[str]]:
