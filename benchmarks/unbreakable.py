@@ -17,13 +17,17 @@ import sys
 import tempfile
 import time
 import warnings
+from functools import cache
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import numpy as np
 
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.user_files import Frame
 from tests.runs.command_line.workshop import workshop
+from tests.virtual_cell.arm import ARMS
 
 ROBOT = "irb6660-205-1.90"
 VALUES = ("1e300", "-1e300", "1e308", "1e160", "1e30", "1e19", "1e12", "1e9", "1e6", "1e-6", "1e-9", "1e-12", "1e-30", "1e-160",
@@ -90,12 +94,41 @@ COMMANDS = {
     "post": (("cell.yaml", "part.apt"), ("post", "@cell.yaml", "@part.apt", "-o", "@p.mod")),
     "table": (("part.csv",), ("post", "@cell.yaml", "@part.csv", "-o", "@t.mod")),
     "verify": (("before.csv", "after.csv"), ("verify", "@cell.yaml", "@before.csv", "@after.csv")),
+    "verify_places": (("before_places.csv", "predicted.csv"), (
+        "verify", "@cell.yaml", "@before_places.csv", "@after_places.csv", "--predicted", "@predicted.csv", "--tolerance-um", "50",
+        "--frame", "workobject")),
+    "tare": (("still.csv",), ("tare", "@cell.yaml", "@still.csv", "-o", "@payload.yaml")),
+    "learn": (("cell.yaml", "points.csv"), (
+        "learn", "@cell.yaml", "@part.mod", "@points.csv", "--stiffness", "@stiffness.json", "--forces", "@forces.csv", "-o",
+        "@learned.json")),
 }
 
 
+def _still() -> str:
+    """Readings of a weight of 12.4 kg at eight orientations, four rows at each."""
+    rows = []
+    for q4, q5 in ((0, 0), (60, 90), (60, -90), (-60, 30), (-60, 115), (90, 45), (90, -60), (-90, 10)):
+        flange = kit.tcp_pose(ARMS[ROBOT], np.radians([10.0, 10, 5, q4, q5, 0]), Frame.mm([0, 0, 0])).r
+        force = flange.inv().apply([0, 0, -12.4 * 9.80665])
+        load = np.concatenate([force, np.cross([0.012, -0.008, 0.063], force)]) + [1, -3, 5, 0.1, 0.2, 0.3]
+        rows += [[10, 10, 5, q4, q5, 0, *(load + 0.1 * sign)] for sign in (1, -1, 1, -1)]
+    return "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm\n" + "".join(
+        ",".join(f"{x:.4f}" for x in row) + "\n" for row in rows)
+
+
+@cache
 def sound_files() -> dict[str, str]:
     """The files of a job in which nothing is spoilt."""
-    return {**workshop(ROBOT).files, "cell.yaml": CELL, "part.apt": APT, "part.csv": TABLE,
+    job = workshop(ROBOT).files
+    places = list(dict.fromkeys(line.rsplit(",", 3)[0] for line in job["along.csv"].split("\n")[1:-1]))
+    readings = {name: "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um\n" + "".join(
+        f"{place},{size + 10 * (k % 3)},{-size // 2 + 7 * (k % 5)},30,2,2,2\n" for k, place in enumerate(places))
+        for name, size in (("before_places.csv", 200), ("after_places.csv", 20))}
+    return {**job, "cell.yaml": CELL, "part.apt": APT, "part.csv": TABLE, **readings, "still.csv": _still(),
+            "points.csv": "".join(line.rsplit(",", 2)[0].replace("sx_um", "std_um") + "\n"
+                                  for line in readings["before_places.csv"].split("\n")[:-1]),
+            "predicted.csv": "target,x_mm,y_mm,z_mm,dx_um,dy_um,dz_um\n" + "".join(
+                f"{k},{place},190,-80,25\n" for k, place in enumerate(places)),
             "before.csv": VERIFIED, "after.csv": VERIFIED.replace("200", "20")}
 
 

@@ -181,7 +181,8 @@ def _still_readings(log: ForceLog, sign: float) -> _StillReadings:
     if log.time is not None:
         still |= log.time[edges[1:] - 1] - log.time[edges[:-1]] >= STOOD
     kept = np.flatnonzero(still)
-    loads = sign * np.concatenate([log.force, log.moment], axis=1)
+    loads = np.zeros((len(log.plain), 6))       # not averaged over a spindle's turns, which would reach into the next one
+    loads[:, :log.plain.shape[1]] = sign * log.plain
     theta, means, scatter = [], [], []
     for number in kept:
         rows = slice(*edges[number:number + 2])

@@ -48,7 +48,7 @@ TURN = kit.Rotation.from_euler("zyx", [-70, 25, 110], degrees=True)
 
 @pytest.mark.parametrize("how", [
     "time column", "semicolons", "columns turned round", "kilonewtons", "reaction", "another turn of axis 1",
-    "orientations in another order", "sensor turned", "sensor's origin elsewhere"])
+    "orientations in another order", "spindle speed in the cell", "sensor turned", "sensor's origin elsewhere"])
 def test_the_payload_hangs_on_nothing_but_the_weight(tmp_path: Path, how: str) -> None:
     still = still_log(tmp_path, np.random.default_rng(7), samples=12)
     (payload, std, bias, bias_std), codes = told(tmp_path, still, sensor())
@@ -74,6 +74,8 @@ def test_the_payload_hangs_on_nothing_but_the_weight(tmp_path: Path, how: str) -
         assert len(long) == len(WRIST)
         rows = np.vstack(long[::-1])
         codes = [code for code in codes if code != "CS3038"]
+    elif how == "spindle speed in the cell":                      # of programs that cut; a turn of it is 20 samples
+        cell = sensor().replace("sign:", "rate_hz: 200, spindle_rpm: 600, sign:")
     elif how == "sensor turned":
         rows[:, 6:] = np.hstack([TURN.inv().apply(rows[:, 6:9]), TURN.inv().apply(rows[:, 9:])])
         cell = sensor(SENSOR_TURN * TURN)
