@@ -23,6 +23,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import numpy as np
+import pandas as pd
 
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.user_files import Frame
@@ -95,8 +96,8 @@ COMMANDS = {
     "table": (("part.csv",), ("post", "@cell.yaml", "@part.csv", "-o", "@t.mod")),
     "verify": (("before.csv", "after.csv"), ("verify", "@cell.yaml", "@before.csv", "@after.csv")),
     "verify_places": (("before_places.csv", "predicted.csv"), (
-        "verify", "@cell.yaml", "@before_places.csv", "@after_places.csv", "--predicted", "@predicted.csv", "--tolerance-um", "50",
-        "--frame", "workobject")),
+        "verify", "@cell.yaml", "@before_places.csv", "@after_places.csv", "--predicted", "@predicted.csv", "--frame",
+        "workobject", "--tolerance-um", "50")),
     "tare": (("still.csv",), ("tare", "@cell.yaml", "@still.csv", "-o", "@payload.yaml")),
     "learn": (("cell.yaml", "points.csv"), (
         "learn", "@cell.yaml", "@part.mod", "@points.csv", "--stiffness", "@stiffness.json", "--forces", "@forces.csv", "-o",
@@ -104,19 +105,32 @@ COMMANDS = {
 }
 
 
+@cache
 def _still() -> str:
     """Readings of a weight of 12.4 kg at eight orientations, four rows at each."""
     rows = []
     for q4, q5 in ((0, 0), (60, 90), (60, -90), (-60, 30), (-60, 115), (90, 45), (90, -60), (-90, 10)):
-        flange = kit.tcp_pose(ARMS[ROBOT], np.radians([10.0, 10, 5, q4, q5, 0]), Frame.mm([0, 0, 0])).r
+        flange = kit.tcp_pose(ARMS[ROBOT], np.radians([10.0, 10, 5, q4, q5, 0]), Frame.mm([0.0, 0, 0])).r
         force = flange.inv().apply([0, 0, -12.4 * 9.80665])
-        load = np.concatenate([force, np.cross([0.012, -0.008, 0.063], force)]) + [1, -3, 5, 0.1, 0.2, 0.3]
+        load = np.hstack([force, np.cross([0.012, -0.008, 0.063], force)]) + np.array([1, -3, 5, 0.1, 0.2, 0.3])
         rows += [[10, 10, 5, q4, q5, 0, *(load + 0.1 * sign)] for sign in (1, -1, 1, -1)]
     return "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm\n" + "".join(
         ",".join(f"{x:.4f}" for x in row) + "\n" for row in rows)
 
 
 @cache
+def _points() -> str:
+    """Points of a part that is off by what is predicted, and by a few micrometres more."""
+    with tempfile.TemporaryDirectory() as folder:
+        workshop(ROBOT).run(Path(folder), {"cell.yaml": CELL}, *(
+            word.replace("along", "forces") for word in COMMANDS["predict"][1][:-1]), f"{folder}/d.csv")
+        told = pd.read_csv(f"{folder}/d.csv")
+    rows = told[["x_mm", "y_mm", "z_mm", "dx_um", "dy_um", "dz_um"]].dropna().to_numpy()
+    rows[:, 3:] = kit.Rotation.from_euler("z", 45, degrees=True).apply(rows[:, 3:])     # of the base frame, to the work object
+    rows[:, 3:] += 3 * np.sin(np.arange(3 * len(rows))).reshape(-1, 3)
+    return "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,std_um\n" + "".join(",".join(f"{x:.3f}" for x in row) + ",2\n" for row in rows)
+
+
 def sound_files() -> dict[str, str]:
     """The files of a job in which nothing is spoilt."""
     job = workshop(ROBOT).files
@@ -124,9 +138,8 @@ def sound_files() -> dict[str, str]:
     readings = {name: "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um\n" + "".join(
         f"{place},{size + 10 * (k % 3)},{-size // 2 + 7 * (k % 5)},30,2,2,2\n" for k, place in enumerate(places))
         for name, size in (("before_places.csv", 200), ("after_places.csv", 20))}
-    return {**job, "cell.yaml": CELL, "part.apt": APT, "part.csv": TABLE, **readings, "still.csv": _still(),
-            "points.csv": "".join(line.rsplit(",", 2)[0].replace("sx_um", "std_um") + "\n"
-                                  for line in readings["before_places.csv"].split("\n")[:-1]),
+    return {**job, "cell.yaml": CELL, "part.apt": APT, "part.csv": TABLE, **readings,
+            "still.csv": _still(), "points.csv": _points(),
             "predicted.csv": "target,x_mm,y_mm,z_mm,dx_um,dy_um,dz_um\n" + "".join(
                 f"{k},{place},190,-80,25\n" for k, place in enumerate(places)),
             "before.csv": VERIFIED, "after.csv": VERIFIED.replace("200", "20")}
