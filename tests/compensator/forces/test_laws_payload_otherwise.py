@@ -99,7 +99,8 @@ def test_the_payload_hangs_on_nothing_but_the_weight(tmp_path: Path, how: str) -
 
 
 @pytest.mark.parametrize("keys", [
-    "rate_hz: 200", "gain_std: 0.02, mounting_std_deg: 1", "saturation_n: 5000, saturation_nm: 5000", "spindle_rpm: 600, rate_hz: 50",
+    "rate_hz: 200", "gain_std: 0.02, mounting_std_deg: 1", "saturation_n: 5000, saturation_nm: 5000",
+    "spindle_rpm: 600, rate_hz: 50",
     "payload: {mass_kg: 12.4, centre_of_mass_mm: [12, -8, 143]}, weight: removed", "bias_n: [14, -31, 55], bias_nm: [1, 1, 1]",
     "target: ahead", "position_late_ms: 0"])
 def test_what_the_cell_says_of_logs_of_programs_is_nothing_to_still_readings(tmp_path: Path, keys: str) -> None:
