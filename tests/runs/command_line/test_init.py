@@ -345,3 +345,15 @@ def test_what_cannot_be_nothing_is_asked_again(name: str) -> None:
     assert kind.convert("0.5", None, None) == 0.5
     with pytest.raises(click.BadParameter, match="range"):
         kind.convert("0", None, None)
+
+
+def test_of_robots_with_a_name_near_the_one_that_is_none_three_are_named(tmp_path: Path) -> None:
+    """The nearest first, as they are spelled."""
+    done = kit.run("init", tmp_path / "new", "--robot", "IRB6660-205-1.9", "--tool-tcp", TCP, "--json")
+    (finding,) = done.json["findings"]
+    near = re.match(r"near it: (.*); compstiff robots lists the built-in ones; ", finding["hint"])
+    assert near, finding
+    assert len(near[1].split(", ")) == len(set(near[1].split(", ")) & set(built_in_robots())) == 3
+    assert near[1].split(", ")[0] == "irb6660-205-1.90"
+    far = kit.run("init", tmp_path / "new", "--robot", "xyz", "--tool-tcp", TCP, "--json").json["findings"]
+    assert [one["hint"].partition(";")[0] for one in far] == ["compstiff robots lists the built-in ones"]
