@@ -281,11 +281,6 @@ def test_calls_that_are_refused(place: Shop) -> None:
     place.stiffness.write_text("{}")
     assert once(place, place.folder / "out").exit_code == 1
     assert once(place, place.folder / "out", "--cell", place.folder / "none.yaml").exit_code == 2
-    program = place.folder / "part.mod"
-    program.write_text("MODULE A\nENDMODULE\n")
-    watched = CliRunner().invoke(compstiff, ["watch", str(program), *arguments(place, place.folder / "out")[2:]])
-    assert watched.exit_code == 2
-    assert "is a file" in watched.stderr
 
 
 def start(place: Shop, out: Path) -> contextlib.AbstractContextManager[subprocess.Popen[str]]:

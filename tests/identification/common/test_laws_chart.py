@@ -188,6 +188,7 @@ def test_the_legend_names_each_series_once() -> None:
                                                                                                                          "r"),
                    Cells([[1.0]])])
     assert [name for name, _, _ in legend(Figure("", "", [panel, panel]))] == ["a", "r"]
+    assert legend(Figure("", "", [Panel(panel.series[:4], Axis(), Axis())] * 2)) == []
 
 
 def test_marks_of_one_logarithmic_axis_are_of_one_kind() -> None:

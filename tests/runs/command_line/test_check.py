@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import re
 import shutil
 from collections.abc import Callable
@@ -687,3 +689,19 @@ def test_the_order_of_a_quaternion_is_asked_unless_the_pendant_proves_it(tmp_pat
     assert run.code == 0, run
     asked = [one["message"].split(" [")[0] for one in run.json["findings"] if one["code"] == "CS0117"]
     assert sorted(asked) == ["tool.quaternion"] * (shown != "turn") + ["workobject.quaternion"]
+
+
+def test_a_file_that_the_disk_does_not_give_is_said_and_the_others_are_checked(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(file: Path) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO), str(file))
+
+    (folder / "part.stock.yaml").write_text("box: {from_mm: [-60, -40, -30], to_mm: [60, 80, 0]}\n")
+    monkeypatch.setattr("compensator.cutting.stock_file.read_stock", broken)
+    run = check(folder, folder / "part.stock.yaml", folder / "part.mod")
+    assert (run.code, verdicts(run)) == (1, {
+        "cell.yaml": ("cell", "ok"), "part.stock.yaml": ("stock", "error"), "part.mod": ("toolpath", "note")})
+    (told,) = [one for one in run.json["findings"] if one["level"] == "error"]
+    assert (told["code"], told["message"], Path(told["file"]).name) == (
+        "CS0005", "cannot be read: Input/output error", "part.stock.yaml")

@@ -17,8 +17,10 @@ import click
 import numpy as np
 import pytest
 import yaml
+from click.shell_completion import ShellComplete
 
 from compstiff.cli.init import QUESTIONS
+from compstiff.cli.main import compstiff as group
 from identification.model.cell import read_cell
 from identification.model.robot import built_in_robots
 from tests.runs.command_line import user_files as kit
@@ -357,3 +359,9 @@ def test_of_robots_with_a_name_near_the_one_that_is_none_three_are_named(tmp_pat
     assert near[1].split(", ")[0] == "irb6660-205-1.90"
     far = kit.run("init", tmp_path / "new", "--robot", "xyz", "--tool-tcp", TCP, "--json").json["findings"]
     assert [one["hint"].partition(";")[0] for one in far] == ["compstiff robots lists the built-in ones"]
+
+
+def test_the_shell_completes_the_name_of_a_robot() -> None:
+    words = ShellComplete(group, {}, "compstiff", "_COMPSTIFF_COMPLETE").get_completions(["init", "new", "--robot"], "irb67")
+    assert [word.value for word in words] == [name for name in built_in_robots() if name.startswith("irb67")]
+    assert len(words) > 1
