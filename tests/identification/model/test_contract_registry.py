@@ -278,3 +278,24 @@ def test_shares_that_axes_see_of_each_other_are_six_in_the_order_of_their_names(
         (name, 0.02, -0.5, 0.5) for name in ("xy", "xz", "yx", "yz", "zx", "zy")]
     assert crossed_one_way(np.arange(1.0, 7)).tolist() == [[0, 1, 2], [3, 0, 4], [5, 6, 0]]
     assert crossed(np.array([1.0, 2, 3])).tolist() == [[0, 1, 2], [1, 0, 3], [2, 3, 0]]
+
+
+def test_values_that_are_tried_go_up_in_steps_alike_within_the_bounds() -> None:
+    """By differences or by factors, none half as wide again as another of a grid, so that nothing is missed beside them. What is
+    typical lies among them, but for a direction or a place, which have none, and shares of what acts on the robot at hand."""
+    grids = [(law, parameter) for law in every_law() for parameter in law.parameters if parameter.grid]
+    assert len(grids) > 30
+    for law, parameter in grids:
+        which, tried = f"{law.stored} {parameter.name}", np.array(parameter.grid, dtype=float)
+        assert (np.diff(tried) > 0).all(), which
+        ways = (np.diff(tried), np.diff(np.log(tried[tried > 0])))
+        assert min(step.max() / step.min() for step in ways if len(step)) < 1.5, which
+        if law.stored in SHARES_OF_LOAD:
+            continue
+        assert parameter.low <= tried[0] < tried[-1] <= parameter.high, which
+        if not parameter.name.startswith(("axis_rad", "centre_", "crank_rad")):
+            assert tried[0] <= parameter.typical <= tried[-1], which
+    assert {law.stored for law in every_law() if type(law).grid is not Effect.grid} >= SHARES_OF_LOAD
+
+
+SHARES_OF_LOAD = {"base_rocking.opens", "tool_play.opens"}
