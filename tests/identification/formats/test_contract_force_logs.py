@@ -437,3 +437,19 @@ def test_a_sample_of_a_public_record_that_is_no_number_is_told_with_its_place(
     assert (finding.code, finding.file) == ("CS0203", str(tmp_path / "a.mat"))
     assert finding.message == (
         f"{where}, joint 2: found {found:g} as number {number}, expected a finite number up to 1e+19 in size")
+
+
+@pytest.mark.parametrize("x_columns", ["No", "One", "Multi"])
+@pytest.mark.parametrize(("separator", "word", "decimal"), [
+    (",", "Comma", "."), (";", "Semicolon", "."), (";", "Semicolon", ","), ("\t", "Tab", ","), ("\t", "", ".")])
+def test_lvm_cells_are_separated_by_what_stands_behind_the_word_separator(
+    tmp_path: Path, separator: str, word: str, decimal: str, x_columns: str
+) -> None:
+    """In headers and rows alike (NI's specification); by a tab where the header does not say."""
+    text = lvm([(0.0, VALUES[:20, :3]), (0.002, VALUES[20:, :3])], decimal=decimal, x_columns=x_columns)
+    head, said, body = text.partition("Separator\tTab\r\n")
+    said = f"Separator{separator}{word}\r\n" if word else ""
+    (tmp_path / "a.lvm").write_text(head.replace("\t", separator) + said + body.replace("\t", separator), newline="")
+    log = read_lvm(tmp_path / "a.lvm")
+    assert log.force == pytest.approx(VALUES[:, :3])
+    assert log.time == pytest.approx(1e-4 * np.arange(40), abs=1e-9)

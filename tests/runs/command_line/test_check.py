@@ -171,6 +171,10 @@ def test_a_refusal_exits_3(folder: Path) -> None:
     lines = ["time_s,fx_n,fy_n,fz_n", *(f"{k / 500},60,-80,{k % 7}" for k in range(1000))]
     (folder / "part.forces.csv").write_text("\n".join(lines) + "\n")
     assert same_code_as_correct(folder) == 3
+    # Beside a file that is wrong it is no answer.
+    (folder / "broken.stock.yaml").write_text("box: {from_mm: [1, 2], to_mm: [60, 80, 0]}\n")
+    run = check(folder, folder / "part.mod", folder / "part.forces.csv", folder / "broken.stock.yaml")
+    assert (run.code, run.json["status"]) == (1, "failed")
 
 
 def same_code_as_correct(folder: Path, *words: str) -> int:
