@@ -281,8 +281,8 @@ def test_shares_that_axes_see_of_each_other_are_six_in_the_order_of_their_names(
 
 
 def test_values_that_are_tried_go_up_in_steps_alike_within_the_bounds() -> None:
-    """By differences or by factors, none half as wide again as another of a grid, so that nothing is missed beside them. What is
-    typical lies among them, but for a direction or a place, which have none, and shares of what acts on the robot at hand."""
+    """By differences or by factors, none half as wide again as another of a grid, so that nothing is missed. What is typical
+    lies among them, but for a direction or a place, which have none, and shares of what acts on the robot at hand."""
     grids = [(law, parameter) for law in every_law() for parameter in law.parameters if parameter.grid]
     assert len(grids) > 30
     for law, parameter in grids:

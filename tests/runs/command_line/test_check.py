@@ -15,6 +15,8 @@ import pandas as pd
 import pytest
 
 from compensator.learned.learned_file import learned_json
+from compstiff.file_checks import Checked, FileCheck
+from identification.common.findings import Finding, Level
 from identification.model.cell import read_cell
 from identification.model.robot import built_in_robots
 from tests.compensator.learning.test_contract_learned_file import learned
@@ -171,10 +173,16 @@ def test_a_refusal_exits_3(folder: Path) -> None:
     lines = ["time_s,fx_n,fy_n,fz_n", *(f"{k / 500},60,-80,{k % 7}" for k in range(1000))]
     (folder / "part.forces.csv").write_text("\n".join(lines) + "\n")
     assert same_code_as_correct(folder) == 3
-    # Beside a file that is wrong it is no answer.
-    (folder / "broken.stock.yaml").write_text("box: {from_mm: [1, 2], to_mm: [60, 80, 0]}\n")
-    run = check(folder, folder / "part.mod", folder / "part.forces.csv", folder / "broken.stock.yaml")
-    assert (run.code, run.json["status"]) == (1, "failed")
+
+
+@pytest.mark.parametrize(("files", "code"), [
+    ("", 0), ("note warning", 0), ("refused", 3), ("refused note", 3), ("error", 1), ("refused error", 1), ("error refused", 1),
+    ("refused refused", 3)])
+def test_a_refusal_beside_a_file_that_is_wrong_is_no_answer(files: str, code: int) -> None:
+    level: dict[str, Level] = {"note": "note", "warning": "warning", "refused": "error", "error": "error"}
+    checked = Checked(tuple(FileCheck(Path(word), "toolpath", "", (Finding("CS0110", level[word], word),), word == "refused")
+                            for word in files.split()))
+    assert (checked.exit_code, checked.as_dict()["sound"]) == (code, code == 0)
 
 
 def same_code_as_correct(folder: Path, *words: str) -> int:
