@@ -11,6 +11,7 @@ import shlex
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
@@ -21,6 +22,7 @@ from click.shell_completion import ShellComplete
 
 from compstiff.cli.init import QUESTIONS
 from compstiff.cli.main import compstiff as group
+from identification.common.files import check_writable
 from identification.model.cell import read_cell
 from identification.model.robot import built_in_robots
 from tests.runs.command_line import user_files as kit
@@ -365,3 +367,18 @@ def test_the_shell_completes_the_name_of_a_robot() -> None:
     words = ShellComplete(group, {}, "compstiff", "_COMPSTIFF_COMPLETE").get_completions(["init", "new", "--robot"], "irb67")
     assert [word.value for word in words] == [name for name in built_in_robots() if name.startswith("irb67")]
     assert len(words) > 1
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_file_that_came_to_be_there_meanwhile_is_kept_unless_it_may_go(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, overwrite: bool
+) -> None:
+    def looked(paths: Iterable[Path], **named: bool) -> None:
+        check_writable(paths, **named)
+        (tmp_path / "new" / "measurements.csv").write_text("mine\n")
+
+    monkeypatch.setattr("compstiff.cell_folder.check_writable", looked)
+    done = kit.run("init", tmp_path / "new", "--robot", ROBOT, "--tool-tcp", TCP, *(["--force"] if overwrite else []))
+    assert done.code == (0 if overwrite else 1)
+    assert ((tmp_path / "new" / "measurements.csv").read_text() == "mine\n") != overwrite
+    assert (tmp_path / "new" / "cell.yaml").exists() == overwrite
