@@ -280,6 +280,14 @@ def test_shares_that_axes_see_of_each_other_are_six_in_the_order_of_their_names(
     assert crossed(np.array([1.0, 2, 3])).tolist() == [[0, 1, 2], [1, 0, 3], [2, 3, 0]]
 
 
+def test_a_law_sits_at_joints_of_the_robot_each_once() -> None:
+    """And what any gear may do at each of them."""
+    for law in every_law():
+        assert list(law.joints) == sorted({*law.joints} & {*range(1, 7)}), law.stored
+    whole = {"backlash", "soft_zone", "soft_beyond", "one_sided", "hysteresis", "gear_creep", "gear_softening", "encoder_zero"}
+    assert {name for name in whole if effects()[name].joints != (1, 2, 3, 4, 5, 6)} == set()
+
+
 def test_values_that_are_tried_go_up_in_steps_alike_within_the_bounds() -> None:
     """By differences or by factors, none half as wide again as another of a grid, so that nothing is missed. What is typical
     lies among them, but for a direction or a place, which have none, and shares of what acts on the robot at hand."""
