@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from identification.model import effects as package
-from identification.model.effects import Effect, Parameter, effects
+from identification.model.effects import Effect, Parameter, drift, effects
 from identification.model.effects.kinds import (
     along_axes,
     amplitude_and_phase,
@@ -21,6 +21,7 @@ from identification.model.effects.kinds import (
     of_tool,
     one_way,
 )
+from identification.model.effects.transmission_error import BetweenPoses
 from identification.model.law_of import known
 from identification.model.load_state import LoadState, load_state
 from identification.model.rotations import Frame
@@ -307,3 +308,12 @@ def test_values_that_are_tried_go_up_in_steps_alike_within_the_bounds() -> None:
 
 
 SHARES_OF_LOAD = {"base_rocking.opens", "tool_play.opens"}
+
+
+def test_waves_that_are_tried_lie_side_by_side() -> None:
+    """From pose to pose those that come once to forty times a turn; over time those that come 0.7 to 8 times in all."""
+    turns, spans = np.array(BetweenPoses.cycles_tried), np.array(drift.CYCLES)
+    assert (turns[0], turns[-1]) == pytest.approx((1.0, 40.0), abs=0.75)
+    assert 0.5 <= np.diff(turns).min() <= np.diff(turns).max() <= 0.75
+    assert (spans[0], spans[-1]) == (0.7, 8.0)
+    assert 1.3 < (spans[1:] / spans[:-1]).min() <= (spans[1:] / spans[:-1]).max() <= 1.5
