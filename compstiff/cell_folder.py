@@ -110,7 +110,7 @@ def new_cell(folder: str | Path, answers: CellAnswers, *, overwrite: bool = Fals
         (folder / "programs").mkdir(exist_ok=True)
     except OSError as reason:
         raise error("CS0004", f"cannot be made: {reason.strerror}", file=str(folder)) from reason
-    write_whole(contents)
+    write_whole(contents, overwrite=overwrite)
     return NewCell(folder, tuple(contents), robot, rapid, (*odd, *_left_open(answers, folder, rapid, robot)),
                    tuple(_steps(folder, rapid, answers.weights)))
 

@@ -331,19 +331,17 @@ def _limits(table: Table, robot: RobotModel, theta: Array) -> list[Finding]:
     findings = []
     for row, joint in np.argwhere(excess > np.radians(1e-6))[:MOST_COMPLAINTS]:
         hint = "angles are the controller's, in degrees, as the pendant shows them"
-        if joint < 6:
+        if joint < 6 or robot.window is None:
             low, high = np.degrees(robot.limits[joint])
             message = (f"joint {joint + 1} at {np.degrees(theta[row, joint]):.6g} deg is outside its limits {low:g} to "
                        f"{high:g} deg")
             column = JOINTS[joint]
-        elif robot.window is not None:
+        else:
             index, low, high = robot.window
             value = np.degrees(theta[row] @ robot.coupling[index])
             message = (f"the parallel rod's angle {value:.6g} deg (joint {index + 1} with its driver) is outside its window "
                        f"{np.degrees(low):g} to {np.degrees(high):g} deg")
             column = JOINTS[index]
-        else:
-            continue
         findings.append(Finding("CS1002", "error", message, file=table.source, line=int(table.line[row]),
                                 column=table.column(column), hint=hint))
     return findings

@@ -227,7 +227,10 @@ def _wanted(item: Any) -> str:
     if kind in ("float_type", "float_parsing", "int_type", "int_parsing"):
         return "must be a plain number, without a unit"
     if kind == "too_long":
-        return f"must be a list of {item['ctx']['max_length']}"
+        exactly = item["ctx"]["field_type"] == "Tuple"
+        return f"must be a list of {'' if exactly else 'at most '}{item['ctx']['max_length']}"
+    if kind == "too_short":
+        return f"must be a list of at least {item['ctx']['min_length']}"
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return "must have keys of its own, such as {key: value}"
     if kind == "string_type":

@@ -1,7 +1,8 @@
 """LabVIEW measurement files (.lvm): tab separated text, a header, then segments each with a header of its own.
 
-Header lines are a tag and its values: `Separator`, `Decimal_Separator`, `X_Columns` (No, One, Multi); a segment has `Channels`,
-`Samples`, `X0` and `Delta_X`, one value a channel, and ends its header with `***End_of_Header***` and a line of column names.
+Header lines are a tag and its values: `Separator` (the character behind it stands in place of tabs), `Decimal_Separator`,
+`X_Columns` (No, One, Multi); a segment has `Channels`, `Samples`, `X0` and `Delta_X`, one value a channel, and ends its header
+with `***End_of_Header***` and a line of column names.
 Time is X0 + row Delta_X: a segment carries its own offset, so blocks written one behind the other stand at their true times.
 (NI, "Specification for the LabVIEW Measurement File".)
 """
@@ -136,8 +137,10 @@ def read_segments(file: str | Path) -> list[Segment]:
     ends = [k for k, line in enumerate(lines) if line.startswith(END)]
     if not ends:
         raise error("CS0201", f"has no {END}", file=name, line=len(lines))
-    tags = _tags(lines[: ends[0]], "\t")
-    separator = {"Comma": ",", "Tab": "\t"}.get(next(iter(tags.get("Separator", [])), "Tab"), "\t")
+    # By the specification the character behind the word is it, in the headers too; a header of tabs may name the comma.
+    behind = next((line.removeprefix("Separator")[0] for line in lines[: ends[0]] if re.match("Separator.", line)), "\t")
+    tags = _tags(lines[: ends[0]], behind)
+    separator = "," if tags.get("Separator") == ["Comma"] else behind
     segments = []
     start = ends[0] + 1
     for k, end in enumerate(ends[1:], start=1):

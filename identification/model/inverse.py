@@ -105,12 +105,12 @@ def _branch(
     centre.real += position[:, 0]
     centre.imag += cosines[0] * position[:, 1]
     height = cosines[0] * position[:, 2] - robot.d[5] * along[2] - robot.d[0]
-    radius = np.abs(centre)
-    theta[0] = _angle(centre)
+    radius, direction = np.abs(centre), _direction(centre)
+    theta[0] = _angle(centre + 0.0)         # of nothing, whatever its sign, the angle of its direction
     if behind:
         theta[0] += np.pi
-        centre, radius = -centre, -radius
-    across *= np.conjugate(_direction(centre))
+        direction, radius = -direction, -radius
+    across *= np.conjugate(direction)
     # The arm's plane, seen along axis 2: outwards from axis 2, and along frame 2's y axis.
     reach = np.empty(count, dtype=np.complex128)
     reach.real, reach.imag = radius - robot.a[1], sines[1] * height

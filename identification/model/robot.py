@@ -99,10 +99,6 @@ class RobotModel:
         """`theta~` (N, 6) [rad] of controller angles (N, 6) [rad] (paper eq. 7)."""
         return np.asarray(theta @ self.coupling.T + self.offset)
 
-    def controller_angles(self, serial: Array) -> Array:
-        """Controller angles (N, 6) [rad] of serial angles (N, 6) [rad] (paper eq. 7)."""
-        return np.asarray((serial - self.offset) @ self.uncoupling.T)
-
     def limit_excess(self, theta: Array) -> Array:
         """How far each joint is outside its limits (N, 7) [rad], 0 inside; the 7th is the parallel rod's window."""
         excess = np.zeros((*theta.shape[:-1], 7))

@@ -387,3 +387,14 @@ def test_rows_that_follow_count_on_from_the_last_of_each(tmp_path: Path) -> None
     # A table without times has none afterwards, and leaves the others' as they are.
     timeless = read(tmp_path, HEADER, ROW)
     assert_allclose(timeless.followed_by(two).time, [np.nan, 10, 25])
+
+
+def test_a_weight_is_told_by_its_pull_alone(tmp_path: Path) -> None:
+    """Not by the moment that a row states beside it."""
+    path = tmp_path / "measurements.csv"
+    rows = [HUNG_ROW.replace(",25,", f",{mass},") + f",{moment},0,{-2 * moment}"
+            for mass, moment in ((0, 0), (12.3, 40), (20, 9))]
+    path.write_text("\n".join([f"{HUNG},mx_nm,my_nm,mz_nm", *rows]) + "\n")
+    read_in = read_measurements(path, read_cell(write_cell(tmp_path)))
+    assert read_in.wrench[1, 3:].tolist() == [40, 0, -80]
+    assert read_in.weights == ("--dead-weight", "12.3,20")

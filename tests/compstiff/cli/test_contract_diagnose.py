@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from pathlib import Path
 from types import SimpleNamespace
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import compstiff as api
+from compstiff.cli.diagnose import _next_after
 from compstiff.cli.main import compstiff
 from identification.diagnosis.mended import MendedFile
 
@@ -63,3 +67,22 @@ def test_rows_that_no_springs_fit_are_written_without_their_mistake_and_nothing_
     sign = np.sign(np.sum(again.deflection * rows.deflection))
     np.testing.assert_allclose(sign * again.deflection, rows.deflection, atol=1e-12)
     np.testing.assert_allclose(sign * again.wrench, rows.wrench, atol=1e-9)
+
+
+@pytest.mark.parametrize(("verdict", "begins", "has"), [
+    ("named", "compstiff diagnose ", ["--extended", "--force"]), ("mistake", "do the checks above; ", ["--mend", "--force"]),
+    ("adequate", "compstiff identify ", ["stiffness.json"]),
+    ("ambiguous", "compstiff design ", ["--add 3", "--diagnosis d.json", "--dead-weight 10,20", "loads that tell them apart"]),
+    ("misfit", "do the checks above; ", ["--add 3", "--criterion C", "--dead-weight 10,20", "tell more causes apart"])])
+def test_what_follows_each_verdict_is_a_call_of_the_command_that_leads_on(verdict: str, begins: str, has: list[str]) -> None:
+    """With the weights that were measured with, where loads are planned; with its files and options as the command line takes
+    them."""
+    said = _next_after(verdict, Path("cell.yaml"), Path("m.csv"), Path("d.json"), ("--dead-weight", "10,20"))
+    assert said.startswith(begins)
+    assert all(words in said for words in has), said
+    assert ("--dead-weight" in said) == ("compstiff design" in said)
+    words = shlex.split(re.search(r"compstiff .*?(?:\.json|\.csv|--force)(?= plans| writes|,|$)", said)[0])
+    command = compstiff.get_command(click.Context(compstiff), words[1])
+    given, left, _ = command.make_parser(click.Context(command)).parse_args(words[2:])
+    assert given["cell_file"] == "cell.yaml"
+    assert not left

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import gc
+import importlib
+import os
+import signal
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +14,7 @@ import pytest
 
 import compstiff
 from benchmarks.fuzz_files import LVM
+from compstiff.__main__ import run
 from identification.common import files
 from tests.runs.command_line import user_files as kit
 
@@ -74,3 +80,44 @@ def test_the_demo_does_not_say_that_nothing_is_there(tmp_path: Path, monkeypatch
         130, "error CS0010: interrupted; its folder may have a part of the files; --force runs it over them\n")
     assert "CS0003" in kit.run("demo", folder).err
     assert "CS0010" in kit.run("demo", folder, "--force").err
+
+
+@pytest.mark.parametrize(("loaded", "written", "code"), [
+    (True, [Path("table.csv")], 0), (True, [], 130), (False, [], 130)])
+def test_ctrl_c_outside_of_a_command_says_by_its_code_whether_the_output_is_there(
+    monkeypatch: pytest.MonkeyPatch, loaded: bool, written: list[Path], code: int
+) -> None:
+    """loaded: whether what writes files was imported by then."""
+    monkeypatch.setattr(files, "written", written)
+    if not loaded:
+        monkeypatch.delitem(sys.modules, files.__name__)
+    assert ended_with(monkeypatch, KeyboardInterrupt()) == ("at once", code)
+
+
+@pytest.mark.parametrize(("code", "how"), [(0, "in order"), (1, "in order"), (3, "in order"), (130, "at once")])
+def test_the_exit_code_of_a_command_is_that_of_the_process(monkeypatch: pytest.MonkeyPatch, code: int, how: str) -> None:
+    """By then a Ctrl-C changes nothing; that of an interrupted one is not left to the end of the interpreter."""
+    assert ended_with(monkeypatch, SystemExit(code)) == (how, code)
+
+
+def ended_with(monkeypatch: pytest.MonkeyPatch, reason: BaseException) -> tuple[str, object]:
+    """How the process ends, and with which code, where the command line is left by `reason`."""
+    def main() -> None:
+        raise reason
+
+    def at_once(code: int) -> None:
+        raise LookupError(code)
+
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    monkeypatch.setenv("ARROW_DEFAULT_MEMORY_POOL", "system")
+    monkeypatch.setattr(gc, "set_threshold", lambda count: None)
+    monkeypatch.setattr(importlib.import_module("compstiff.cli.main"), "main", main)
+    monkeypatch.setattr(os, "_exit", at_once)
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        with pytest.raises((LookupError, SystemExit)) as ended:
+            run()
+        assert (signal.getsignal(signal.SIGINT) == signal.SIG_IGN) == isinstance(reason, SystemExit)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    return "at once" if isinstance(ended.value, LookupError) else "in order", ended.value.args[0]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from identification.common.files import AsRead, check_writable, file_stamp
+from identification.common.audit import append
+from identification.common.files import AsRead, check_writable, file_stamp, json_bytes
 from identification.common.findings import CompstiffError
 
 
@@ -70,3 +73,28 @@ def test_a_file_s_stamp_is_another_once_it_is_written_or_replaced(tmp_path: Path
     assert file_stamp(file) != stamp
     file.unlink()
     assert file_stamp(file) is None
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_json_has_no_number_that_is_none(value: float) -> None:
+    """Others would not read the file."""
+    assert json.loads(json_bytes({"a": [1.5, None], "b": {"c": "\N{GREEK SMALL LETTER MU}"}})) == {
+        "a": [1.5, None], "b": {"c": "\N{GREEK SMALL LETTER MU}"}}
+    with pytest.raises(ValueError, match="JSON compliant"):
+        json_bytes({"a": [1.5, {"b": value}]})
+
+
+@pytest.mark.parametrize("reason", [OSError(), KeyError("uid"), ImportError()])
+def test_who_did_it_is_unknown_where_the_system_knows_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reason: Exception
+) -> None:
+    """A service, or a container: what it did is written down all the same."""
+    def nobody() -> str:
+        raise reason
+
+    append(tmp_path / "log.jsonl", {"result": "sent"})
+    monkeypatch.setattr("getpass.getuser", nobody)
+    append(tmp_path / "log.jsonl", {"result": "sent"})
+    first, second = map(json.loads, (tmp_path / "log.jsonl").read_text().splitlines())
+    assert (second["user"], second["result"]) == ("unknown", "sent")
+    assert first["user"] not in ("", "unknown", None)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
+import os
 import threading
 from pathlib import Path
 
 import pytest
 
-from identification.common.locks import Taken, lock
+from identification.common.files import TEMPORARY, temporary_name, write_whole
+from identification.common.locks import Taken, folders_locked, lock
 
 
 def test_who_only_asks_for_it_is_waited_for(tmp_path: Path) -> None:
@@ -27,3 +30,29 @@ def test_who_keeps_it_is_not(tmp_path: Path) -> None:
         lock(file)
     held.release()
     lock(file).release()
+
+
+def test_a_folder_that_the_system_does_not_lock_is_written_into_and_not_swept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Some network folders have no locks: a temporary file there may be another process' own. The other folders are locked."""
+    def no_locks(handle: int, how: int) -> None:
+        raise OSError(errno.ENOLCK, "no locks")
+
+    with folders_locked([tmp_path]) as alone:
+        assert alone
+    handle = os.open(tmp_path, os.O_RDONLY)
+    with folders_locked([tmp_path / "a none", tmp_path]) as alone:
+        assert not alone
+        with pytest.raises(BlockingIOError):
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    os.close(handle)
+    left = tmp_path / f"{temporary_name(tmp_path / 'a.csv')}12345678{TEMPORARY}"
+    left.write_text("another's")
+    with monkeypatch.context() as patched:
+        patched.setattr(fcntl, "flock", no_locks)
+        write_whole({tmp_path / "a.csv": b"1"})
+        assert left.exists()
+    write_whole({tmp_path / "a.csv": b"2"})
+    assert not left.exists()
+    assert (tmp_path / "a.csv").read_bytes() == b"2"

@@ -98,6 +98,18 @@ def test_no_word_of_a_name_beside_a_chart_is_cut() -> None:
         assert all(7.0 * len(one.text) < float(one.get("x")) < 0.5 * width for one in texts)
 
 
+def test_the_lines_of_a_name_beside_a_chart_stand_about_the_middle_of_its_bar() -> None:
+    """However many there are: print stands four pixels above its baseline's middle."""
+    names = ["short", "the robot rocks on its base: floor, anchors or pedestal give way"]
+    picture = shown(Panel([Bars("b", [1.0, 2.0])], Axis(), Axis(categories=names), height=140, sideways=True))
+    texts = [(float(one.get("y")), one.text) for one in picture.iter("text") if re.search("[a-z]", one.text or "")]
+    middles = [float(one.get("y")) + float(one.get("height")) / 2 for one in picture.iter("rect")]
+    assert len(texts) > 2
+    assert texts[0][1] == "short"
+    assert [texts[0][0] - 4, np.mean([y for y, _ in texts[1:]]) - 4] == pytest.approx(middles, abs=0.11)
+    assert np.diff([y for y, _ in texts[1:]]) == pytest.approx(np.diff([y for y, _ in texts[1:]])[0], abs=0.11)
+
+
 def test_bars_begin_at_zero_and_are_as_long_as_their_values() -> None:
     values = np.array([4.0, -2.0, 1.0])
     for sideways in (False, True):
@@ -176,6 +188,7 @@ def test_the_legend_names_each_series_once() -> None:
                                                                                                                          "r"),
                    Cells([[1.0]])])
     assert [name for name, _, _ in legend(Figure("", "", [panel, panel]))] == ["a", "r"]
+    assert legend(Figure("", "", [Panel(panel.series[:4], Axis(), Axis())] * 2)) == []
 
 
 def test_marks_of_one_logarithmic_axis_are_of_one_kind() -> None:

@@ -408,3 +408,48 @@ def test_how_long_a_log_is_does_not_hang_on_when_it_began() -> None:
     converted = Converted(columns, {}, ())
     assert converted.seconds == 4.0
     assert converted.as_dict()["seconds"] == 4.0
+
+
+@pytest.mark.parametrize(("place", "largest", "gear", "number"), [
+    ("act_pos_mot_deg", 1e19, 200.0, None), ("act_pos_mot_deg", -1.1e19, 200.0, 4), ("act_pos_se_deg", np.inf, 200.0, 4),
+    ("act_vel_mot_deg_per_s", np.nan, 200.0, 4), ("act_torque_abs_nm", 1e19, 1e19, None),
+    ("act_torque_abs_nm", 1.0, np.nan, 1)])
+def test_a_sample_of_a_public_record_that_is_no_number_is_told_with_its_place(
+    tmp_path: Path, place: str, largest: float, gear: float, number: int | None
+) -> None:
+    """Up to 1e19 in size; of a joint that has no link encoder nothing is asked."""
+    rec = {name: np.eye(6)[:, 1:2] * np.arange(9.0) for name in (
+        "act_pos_mot_deg", "act_pos_se_deg", "act_torque_abs_nm", "act_vel_mot_deg_per_s")}
+    rec[place][1, 3] = largest
+    rec["act_pos_mot_deg"][4, 2] = np.nan
+    ratios = np.array([100.0, gear, 300, 400, 500, np.inf])
+    scipy.io.savemat(tmp_path / "a.mat", {"rec": {**rec, "time_cont": np.arange(9.0)}, "para": {"u": ratios}})
+    if number is None:
+        columns = convert_log(tmp_path / "a.mat", "kuka-kr300").columns
+        assert list(columns) == ["time_s", "q2_motor_deg", "q2_link_deg", "q2_torque_nm", "q2_speed_deg_s"]
+        assert (columns["q2_motor_deg"][3], columns["q2_torque_nm"][3]) == (
+            (3.0, largest * gear) if place.endswith("nm") else (largest, 3 * gear))
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        convert_log(tmp_path / "a.mat", "kuka-kr300")
+    (finding,) = stopped.value.findings
+    where, found = ("para.u", gear) if np.isnan(gear) else (f"rec.{place}", largest)
+    assert (finding.code, finding.file) == ("CS0203", str(tmp_path / "a.mat"))
+    assert finding.message == (
+        f"{where}, joint 2: found {found:g} as number {number}, expected a finite number up to 1e+19 in size")
+
+
+@pytest.mark.parametrize("x_columns", ["No", "One", "Multi"])
+@pytest.mark.parametrize(("separator", "word", "decimal"), [
+    (",", "Comma", "."), (";", "Semicolon", "."), (";", "Semicolon", ","), ("\t", "Tab", ","), ("\t", "", ".")])
+def test_lvm_cells_are_separated_by_what_stands_behind_the_word_separator(
+    tmp_path: Path, separator: str, word: str, decimal: str, x_columns: str
+) -> None:
+    """In headers and rows alike (NI's specification); by a tab where the header does not say."""
+    text = lvm([(0.0, VALUES[:20, :3]), (0.002, VALUES[20:, :3])], decimal=decimal, x_columns=x_columns)
+    head, said, body = text.partition("Separator\tTab\r\n")
+    said = f"Separator{separator}{word}\r\n" if word else ""
+    (tmp_path / "a.lvm").write_text(head.replace("\t", separator) + said + body.replace("\t", separator), newline="")
+    log = read_lvm(tmp_path / "a.lvm")
+    assert log.force == pytest.approx(VALUES[:, :3])
+    assert log.time == pytest.approx(1e-4 * np.arange(40), abs=1e-9)

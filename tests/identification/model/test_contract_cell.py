@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ from numpy.testing import assert_allclose
 
 from identification.common.findings import CompstiffError
 from identification.model.cell import Cell, read_cell
-from tests.support import write_cell
+from identification.model.controller import use_of_stiffnesses
+from tests.support import robot, write_cell
 
 TOOL = "tool: {position_mm: [120, -10, 250], quaternion: [0, 1, 0, 0], mass_kg: 80, centre_of_mass_mm: [5, -6, 120]}\n"
 WHOLE = "robot: irb6660-205-1.90\nserial_number: '6660-107342'\n" + TOOL + """\
@@ -166,3 +168,17 @@ def test_a_robot_that_is_not_known_is_told_with_those_that_are_near(tmp_path: Pa
     assert (near.code, near.file) == ("CS0104", str(tmp_path / "cell.yaml"))
     assert near.hint.startswith("near it: irb6660-205-1.90")
     assert told("my robot").hint.startswith("compstiff robots lists")
+
+
+@pytest.mark.parametrize(("maker", "more", "report", "wanted"), [
+    ("ABB", (), False, "correct cell.yaml PART.mod --stiffness s.json --forces PART.forces.csv -o PART_corrected.mod"),
+    ("", ("--predict-force", "c.json"), True,
+     "correct cell.yaml PART.mod --stiffness s.json --predict-force c.json -o PART_corrected.mod --report correct.html"),
+    ("KUKA", (), False, "predict cell.yaml PART.cls --stiffness s.json --forces PART.forces.csv -o PART.deviation.csv"),
+    ("KUKA", ("--predict-force", "c.json"), True,
+     "predict cell.yaml PART.cls --stiffness s.json --predict-force c.json -o PART.deviation.csv --report predict.html")])
+def test_stiffnesses_correct_a_program_that_the_robot_runs_and_else_predict(
+    maker: str, more: tuple[str, ...], report: bool, wanted: str
+) -> None:
+    arm = replace(robot(), manufacturer=maker)
+    assert use_of_stiffnesses(arm, "cell.yaml", "s.json", *more, report=report) == f"compstiff {wanted}"

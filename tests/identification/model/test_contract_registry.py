@@ -11,7 +11,17 @@ import numpy as np
 import pytest
 
 from identification.model import effects as package
-from identification.model.effects import Effect, Parameter, effects
+from identification.model.effects import Effect, Parameter, drift, effects
+from identification.model.effects.kinds import (
+    along_axes,
+    amplitude_and_phase,
+    crossed,
+    crossed_one_way,
+    of_arm,
+    of_tool,
+    one_way,
+)
+from identification.model.effects.transmission_error import BetweenPoses
 from identification.model.law_of import known
 from identification.model.load_state import LoadState, load_state
 from identification.model.rotations import Frame
@@ -228,3 +238,82 @@ def test_effects_are_documented_classes() -> None:
     for effect in effects().values():
         assert isinstance(effect, Effect)
         assert type(effect).__doc__
+
+
+def test_a_law_that_each_visit_may_change_says_by_how_much_and_no_other_one_does() -> None:
+    """Play and friction, which the way to the pose leaves at one end or the other."""
+    assert {law.stored for law in every_law() if law.by_visit} == {
+        law.stored for law in every_law() if type(law).of_each_visit is not Effect.of_each_visit}
+    assert {"lost_motion", "backlash", "hysteresis", "tool_play"} == {law.name for law in every_law() if law.by_visit}
+
+
+def test_a_wave_of_a_gear_is_from_nothing_to_all_of_its_compliance_at_any_phase() -> None:
+    amplitude, phase = amplitude_and_phase(0.05, "here")
+    assert (amplitude.typical, amplitude.low, amplitude.high, amplitude.source) == (0.05, 0.0, 1.0, "here")
+    assert [-phase.low, phase.high] == pytest.approx([np.pi] * 2, abs=1e-4)
+    assert (amplitude.shape, phase.shape) == (False, True)
+
+
+def test_three_parameters_along_the_axes_are_alike_and_of_either_sign() -> None:
+    found = along_axes("lever_{}_m", "m", 0.25, 3.0, source="here", bounds_source="there")
+    assert [(one.name, one.unit, one.typical, one.low, one.high, one.source, one.bounds_source) for one in found] == [
+        (f"lever_{axis}_m", "m", 0.25, -3.0, 3.0, "here", "there") for axis in "xyz"]
+
+
+def test_what_hangs_unknown_on_wrist_and_arm_is_searched_over_the_documented_range() -> None:
+    """Torques [N m]; of those that are tried every third, where so few are enough, begins with the same one."""
+    for made, typical, high, least, most in ((of_tool, 200.0, 2000.0, 40.0, 800.0), (of_arm, 2000.0, 20000.0, 400.0, 8000.0)):
+        weight, coarse = made(), made(3)
+        assert (weight.typical, weight.low, weight.high, weight.shape) == (typical, 0.0, high, True)
+        assert f"| | `weight_nm`: {typical:g} N*m | {weight.source} |" in DOCUMENT
+        assert f"| | 0 to {high:g} N*m | {weight.bounds_source} |" in DOCUMENT
+        assert (weight.grid[0], weight.grid[-1]) == (least, most)
+        assert np.diff(np.log(weight.grid)) == pytest.approx(np.log(most / least) / 30, rel=0.02)
+        assert coarse.grid == weight.grid[::3]
+
+
+def test_shares_that_axes_see_of_each_other_are_six_in_the_order_of_their_names() -> None:
+    """Row: the axis that reads, column: the one that it sees; with three they are alike in both directions."""
+    found = one_way(0.02, source="here", bounds_source="there")
+    assert [(one.name, one.typical, one.low, one.high) for one in found] == [
+        (name, 0.02, -0.5, 0.5) for name in ("xy", "xz", "yx", "yz", "zx", "zy")]
+    assert crossed_one_way(np.arange(1.0, 7)).tolist() == [[0, 1, 2], [3, 0, 4], [5, 6, 0]]
+    assert crossed(np.array([1.0, 2, 3])).tolist() == [[0, 1, 2], [1, 0, 3], [2, 3, 0]]
+
+
+def test_a_law_sits_at_joints_of_the_robot_each_once() -> None:
+    """And what any gear may do at each of them."""
+    for law in every_law():
+        assert list(law.joints) == sorted({*law.joints} & {*range(1, 7)}), law.stored
+    whole = {"backlash", "soft_zone", "soft_beyond", "one_sided", "hysteresis", "gear_creep", "gear_softening", "encoder_zero"}
+    assert {name for name in whole if effects()[name].joints != (1, 2, 3, 4, 5, 6)} == set()
+
+
+def test_values_that_are_tried_go_up_in_steps_alike_within_the_bounds() -> None:
+    """By differences or by factors, none half as wide again as another of a grid, so that nothing is missed. What is typical
+    lies among them, but for a direction or a place, which have none, and shares of what acts on the robot at hand."""
+    grids = [(law, parameter) for law in every_law() for parameter in law.parameters if parameter.grid]
+    assert len(grids) > 30
+    for law, parameter in grids:
+        which, tried = f"{law.stored} {parameter.name}", np.array(parameter.grid, dtype=float)
+        assert (np.diff(tried) > 0).all(), which
+        ways = (np.diff(tried), np.diff(np.log(tried[tried > 0])))
+        assert min(step.max() / step.min() for step in ways if len(step)) < 1.5, which
+        if law.stored in SHARES_OF_LOAD:
+            continue
+        assert parameter.low <= tried[0] < tried[-1] <= parameter.high, which
+        if not parameter.name.startswith(("axis_rad", "centre_", "crank_rad")):
+            assert tried[0] <= parameter.typical <= tried[-1], which
+    assert {law.stored for law in every_law() if type(law).grid is not Effect.grid} >= SHARES_OF_LOAD
+
+
+SHARES_OF_LOAD = {"base_rocking.opens", "tool_play.opens"}
+
+
+def test_waves_that_are_tried_lie_side_by_side() -> None:
+    """From pose to pose those that come once to forty times a turn; over time those that come 0.7 to 8 times in all."""
+    turns, spans = np.array(BetweenPoses.cycles_tried), np.array(drift.CYCLES)
+    assert (turns[0], turns[-1]) == pytest.approx((1.0, 40.0), abs=0.75)
+    assert 0.5 <= np.diff(turns).min() <= np.diff(turns).max() <= 0.75
+    assert (spans[0], spans[-1]) == (0.7, 8.0)
+    assert 1.3 < (spans[1:] / spans[:-1]).min() <= (spans[1:] / spans[:-1]).max() <= 1.5

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from identification.common.catalogue import catalogue
 from identification.common.findings import CompstiffError
@@ -335,3 +336,19 @@ def test_reach_obeys_the_rod(tmp_path: Path) -> None:
 
 def test_reach_from_axis_2_is_the_stretched_arm() -> None:
     assert abs(reach(read_robot(built_in_robots()[KUKA]), 2) - (1.150 + np.hypot(1.2, 0.041))) < 1e-6
+
+
+@pytest.mark.parametrize("count", [5, 7])
+@pytest.mark.parametrize("key", ["joints", "links"])
+def test_an_arm_has_six_joints_and_six_links(tmp_path: Path, key: str, count: int) -> None:
+    described = yaml.safe_load(built_in_robots()["irb6700-200-2.60"].read_text())
+    link = {"mass_kg": 10.0, "centre_of_mass_mm": [0, 0, 0]}
+    described |= {"links": [link] * 6}
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(described))
+    assert read_robot(tmp_path / "robot.yaml").link_mass.tolist() == [10.0] * 6
+    described[key] = (described[key] * 2)[:count]
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(described))
+    with pytest.raises(CompstiffError) as refused:
+        read_robot(tmp_path / "robot.yaml")
+    (finding,) = refused.value.findings
+    assert finding.message.startswith(f"'{key}': must be a list of at {'most' if count > 6 else 'least'} 6; found [")

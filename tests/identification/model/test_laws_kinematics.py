@@ -173,3 +173,27 @@ def test_nearest_angles_are_the_nearest_of_all_branches(name: str, step: float) 
     reference[::1000] = np.nan
     every, _ = nearest_solution(model, inverse(model, flange, reference), reference)
     assert_allclose(nearest_angles(model, flange, reference), every, atol=1e-12, rtol=0)
+
+
+@pytest.mark.parametrize("nothing", [0.0, -0.0])
+@pytest.mark.parametrize("name", sorted(ARMS))
+def test_a_wrist_above_axis_1_is_found_among_other_poses(name: str, nothing: float) -> None:
+    """By every branch that reaches it, also those that have it behind axis 1; the poses beside it are solved as they are
+    alone."""
+    model = robot(name)
+    others = forward(model, random_poses(model, 3, np.random.default_rng(5)), Frame.identity())
+    height = model.d[0] + np.hypot(model.a[2], np.hypot(model.a[3], model.d[3]))
+    above = Frame(np.eye(3), np.array([nothing, 0.0, height + abs(model.d[5])]))
+    poses = Frame(np.concatenate([others.rotation[:2], above.rotation[None], others.rotation[2:]]),
+                  np.concatenate([others.position[:2], above.position[None], others.position[2:]]))
+    found = inverse(model, poses)
+    assert np.isfinite(found.theta).all()
+    for row in range(4):
+        alone = inverse(model, poses[[row]])
+        assert_allclose(found.theta[row], alone.theta[0], rtol=0, atol=1e-12)
+        assert found.reachable[row].tolist() == alone.reachable[0].tolist()
+    assert found.reachable[2].any()
+    for theta in found.theta[2][found.reachable[2]]:
+        again = forward(model, theta[None], Frame.identity())
+        assert_allclose(again.position[0], poses.position[2], atol=1e-12)
+        assert_allclose(again.rotation[0], np.eye(3), atol=1e-12)

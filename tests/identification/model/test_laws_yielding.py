@@ -483,3 +483,21 @@ def test_a_grid_is_one_of_a_shape_and_ascends() -> None:
                 assert np.all(np.diff(parameter.grid) > 0), (law.stored, parameter.name)
             if parameter.name == "torque_nm" and law.name == "soft_zone" and len(parameter.grid) > 1:
                 assert np.all(np.array(parameter.grid[1:]) / parameter.grid[:-1] <= 3), law.stored
+
+
+@pytest.mark.parametrize(("law", "values", "by_force"), [
+    ("base_shift", [3e-8], np.diag([3e-8, 3e-8, 0])), ("base_shift.upright", [3e-8, 7e-8], np.diag([3e-8, 3e-8, 7e-8])),
+    ("base_shift.each", [3e-8, 7e-8, 2e-8], np.diag([3e-8, 7e-8, 2e-8])),
+    ("stand_compliance", [3e-8, 7e-8, 2e-8], np.diag([3e-8, 7e-8, 2e-8])),
+    ("stand_compliance.upright", [3e-8, 7e-8], np.diag([3e-8, 3e-8, 7e-8])),
+    *((f"stand_compliance.{axis}", [3e-8, -7e-8, 2e-8], np.outer([3e-8, -7e-8, 2e-8], np.eye(3)[k]))
+      for k, axis in enumerate("xyz"))])
+def test_a_floor_or_a_stand_moves_along_its_springs_and_does_not_turn(
+    law: str, values: list[float], by_force: np.ndarray
+) -> None:
+    """By so many metres for each newton along base x, y and z, whatever the moment."""
+    rows, effect = drawn(moments=True), known(law)
+    assert effect is not None
+    moved = effect.contribution(rows, None, np.array(values))
+    for n, wrench in enumerate(rows.wrench):
+        assert_allclose(moved[n], [*by_force @ wrench[:3], 0, 0, 0], rtol=1e-12, atol=1e-18)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import re
 import shutil
 from collections.abc import Callable
@@ -13,6 +15,8 @@ import pandas as pd
 import pytest
 
 from compensator.learned.learned_file import learned_json
+from compstiff.file_checks import Checked, FileCheck
+from identification.common.findings import Finding, Level
 from identification.model.cell import read_cell
 from identification.model.robot import built_in_robots
 from tests.compensator.learning.test_contract_learned_file import learned
@@ -21,6 +25,7 @@ from tests.identification.motion import simulated_joint
 from tests.runs.command_line import test_mistakes as kit_mistakes
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.workshop import workshop
+from tests.virtual_cell.arm import ARMS
 
 ROBOT = "irb6660-205-1.90"
 SAMPLES = Path(__file__).parents[3] / "samples"
@@ -168,6 +173,16 @@ def test_a_refusal_exits_3(folder: Path) -> None:
     lines = ["time_s,fx_n,fy_n,fz_n", *(f"{k / 500},60,-80,{k % 7}" for k in range(1000))]
     (folder / "part.forces.csv").write_text("\n".join(lines) + "\n")
     assert same_code_as_correct(folder) == 3
+
+
+@pytest.mark.parametrize(("files", "code"), [
+    ("", 0), ("note warning", 0), ("refused", 3), ("refused note", 3), ("error", 1), ("refused error", 1), ("error refused", 1),
+    ("refused refused", 3)])
+def test_a_refusal_beside_a_file_that_is_wrong_is_no_answer(files: str, code: int) -> None:
+    level: dict[str, Level] = {"note": "note", "warning": "warning", "refused": "error", "error": "error"}
+    checked = Checked(tuple(FileCheck(Path(word), "toolpath", "", (Finding("CS0110", level[word], word),), word == "refused")
+                            for word in files.split()))
+    assert (checked.exit_code, checked.as_dict()["sound"]) == (code, code == 0)
 
 
 def same_code_as_correct(folder: Path, *words: str) -> int:
@@ -640,3 +655,65 @@ def test_what_is_told_of_tables_is_counted(tmp_path: Path) -> None:
         "log.csv": "3 samples placed by target, largest 13 N", "after.csv": "1 row", "points.csv": "2 points",
         "loads.csv": "4 rows, 2 with a load, 2 poses, 1 row kept back"}, run
 
+
+def test_what_correct_wrote_is_a_good_file_that_is_not_to_be_corrected_again(folder: Path) -> None:
+    """Said beside what is said of any program, as a note; of the program that it was made from it is not said."""
+    correct = ("correct", folder / "cell.yaml", folder / "part.mod", "--stiffness", folder / "stiffness.json", "--tare", "0:1")
+    assert kit.run(*correct, "-o", folder / "corrected.mod").code == 0
+    run = check(folder, folder / "corrected.mod", folder / "part.mod")
+    assert (run.code, verdicts(run)["corrected.mod"]) == (0, ("toolpath", "note"))
+    told = [(Path(one["file"]).name, one["code"], one["level"]) for one in run.json["findings"]]
+    assert told == [("corrected.mod", "CS2013", "note"), ("corrected.mod", "CS4204", "note"), ("part.mod", "CS2013", "note")]
+    again = next(one for one in run.json["findings"] if one["code"] == "CS4204")
+    assert again["message"].startswith("is the output of an earlier correction (record corrected.mod.json)")
+    assert again["hint"].startswith("correct the CAM system's program part.mod; ")
+
+
+def test_what_is_said_of_a_log_alone_is_not_said_again_beside_its_program(folder: Path) -> None:
+    """Two components that are the same: a warning of the log, with or without the program of its name."""
+    frame = pd.read_csv(folder / "part.forces.csv").loc[lambda rows: rows.index.repeat(5)]
+    frame["fx_n"] += np.random.default_rng(3).normal(0, 1, len(frame))
+    frame["fz_n"] = frame["fy_n"] = np.random.default_rng(4).normal(0, 1, len(frame)) + frame["fy_n"]
+    frame.to_csv(folder / "part.forces.csv", index=False)
+    told = [[(one["code"], one["level"]) for one in run.json["findings"] if one["file"].endswith("part.forces.csv")]
+            for run in (check(folder, *(folder / name for name in names), "--tare", "0:1") for names in (
+                ("part.forces.csv",), ("part.forces.csv", "part.mod")))]
+    assert told[0] == told[1]
+    assert told[0].count(("CS3024", "warning")) == 1
+
+
+@pytest.mark.parametrize("shown", ["", "tcp", "turn"])
+def test_the_order_of_a_quaternion_is_asked_unless_the_pendant_proves_it(tmp_path: Path, shown: str) -> None:
+    """A tool turned about a line between y and z, as no turn but one about z would stand in the order x y z w; so stands the
+    work object, which no pose of the pendant shows. shown: by the poses, nothing, the place alone, or the turn too."""
+    quaternion = [0.0, 0.0, 0.258819045, 0.965925826]
+    tool = kit.Frame.mm([110.0, -20.0, 260.0], np.array(quaternion))
+    lines = []
+    for angles in ([10, 20, -5, 40, 50, 60], [-30, 5, 20, -60, 40, -100]):
+        pose = kit.tcp_pose(ARMS[ROBOT], np.radians(angles), tool)
+        turn = f", quaternion: {kit.quaternion(pose.r).tolist()}" if shown == "turn" else ""
+        lines.append(f"  - {{joints_deg: {angles}, tcp_mm: {np.round(1e3 * pose.p, 1).tolist()}{turn}}}\n")
+    (tmp_path / "cell.yaml").write_text(
+        f"robot: {ROBOT}\ntool: {{position_mm: [110, -20, 260], quaternion: {quaternion}}}\n"
+        f"workobject: {{position_mm: [1400, 500, 800], quaternion: {quaternion}}}\n"
+        + ("pendant_poses:\n" + "".join(lines) if shown else ""))
+    run = check(tmp_path)
+    assert run.code == 0, run
+    asked = [one["message"].split(" [")[0] for one in run.json["findings"] if one["code"] == "CS0117"]
+    assert sorted(asked) == ["tool.quaternion"] * (shown != "turn") + ["workobject.quaternion"]
+
+
+def test_a_file_that_the_disk_does_not_give_is_said_and_the_others_are_checked(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(file: Path) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO), str(file))
+
+    (folder / "part.stock.yaml").write_text("box: {from_mm: [-60, -40, -30], to_mm: [60, 80, 0]}\n")
+    monkeypatch.setattr("compensator.cutting.stock_file.read_stock", broken)
+    run = check(folder, folder / "part.stock.yaml", folder / "part.mod")
+    assert (run.code, verdicts(run)) == (1, {
+        "cell.yaml": ("cell", "ok"), "part.stock.yaml": ("stock", "error"), "part.mod": ("toolpath", "note")})
+    (told,) = [one for one in run.json["findings"] if one["level"] == "error"]
+    assert (told["code"], told["message"], Path(told["file"]).name) == (
+        "CS0005", "cannot be read: Input/output error", "part.stock.yaml")

@@ -11,14 +11,18 @@ import shlex
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
 import numpy as np
 import pytest
 import yaml
+from click.shell_completion import ShellComplete
 
 from compstiff.cli.init import QUESTIONS
+from compstiff.cli.main import compstiff as group
+from identification.common.files import check_writable
 from identification.model.cell import read_cell
 from identification.model.robot import built_in_robots
 from tests.runs.command_line import user_files as kit
@@ -345,3 +349,36 @@ def test_what_cannot_be_nothing_is_asked_again(name: str) -> None:
     assert kind.convert("0.5", None, None) == 0.5
     with pytest.raises(click.BadParameter, match="range"):
         kind.convert("0", None, None)
+
+
+def test_of_robots_with_a_name_near_the_one_that_is_none_three_are_named(tmp_path: Path) -> None:
+    """The nearest first, as they are spelled."""
+    done = kit.run("init", tmp_path / "new", "--robot", "IRB6660-205-1.9", "--tool-tcp", TCP, "--json")
+    (finding,) = done.json["findings"]
+    near = re.match(r"near it: (.*); compstiff robots lists the built-in ones; ", finding["hint"])
+    assert near, finding
+    assert len(near[1].split(", ")) == len(set(near[1].split(", ")) & set(built_in_robots())) == 3
+    assert near[1].split(", ")[0] == "irb6660-205-1.90"
+    far = kit.run("init", tmp_path / "new", "--robot", "xyz", "--tool-tcp", TCP, "--json").json["findings"]
+    assert [one["hint"].partition(";")[0] for one in far] == ["compstiff robots lists the built-in ones"]
+
+
+def test_the_shell_completes_the_name_of_a_robot() -> None:
+    words = ShellComplete(group, {}, "compstiff", "_COMPSTIFF_COMPLETE").get_completions(["init", "new", "--robot"], "irb67")
+    assert [word.value for word in words] == [name for name in built_in_robots() if name.startswith("irb67")]
+    assert len(words) > 1
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_file_that_came_to_be_there_meanwhile_is_kept_unless_it_may_go(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, overwrite: bool
+) -> None:
+    def looked(paths: Iterable[Path], **named: bool) -> None:
+        check_writable(paths, **named)
+        (tmp_path / "new" / "measurements.csv").write_text("mine\n")
+
+    monkeypatch.setattr("compstiff.cell_folder.check_writable", looked)
+    done = kit.run("init", tmp_path / "new", "--robot", ROBOT, "--tool-tcp", TCP, *(["--force"] if overwrite else []))
+    assert done.code == (0 if overwrite else 1)
+    assert ((tmp_path / "new" / "measurements.csv").read_text() == "mine\n") != overwrite
+    assert (tmp_path / "new" / "cell.yaml").exists() == overwrite
