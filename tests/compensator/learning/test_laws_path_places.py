@@ -15,7 +15,7 @@ from compensator.correction.settings import Settings
 from compensator.learning.long_moves import said_of_long_moves
 from compensator.learning.measured_points import read_points
 from compensator.learning.normals_alone import said_of_normals
-from compensator.learning.path_places import STEP, PathPlaces, place_points
+from compensator.learning.path_places import PathPlaces, place_points
 from compensator.learning.rows import rows_of
 from compensator.learning.unseen import said_of_unseen
 from identification.common.findings import CompstiffError, Finding
@@ -34,7 +34,8 @@ BEFORE = {
 
 @pytest.mark.parametrize("moves", BEFORE.values(), ids=BEFORE)
 def test_points_between_targets_stand_half_way(sample_inputs: Inputs, tmp_path: Path, moves: list[str]) -> None:
-    """A log of 100 N from the 10th target of the sample on; points half way between its targets, to half a piece."""
+    """A log of 100 N from the 10th target of the sample on; points half way between its targets, to half a piece of a quarter of a
+    millimetre."""
     text = Path(sample_inputs.toolpath).read_text().replace("WaitTime 5;\n", "\n".join(["WaitTime 5;", *moves, ""]), 1)
     program, log, file = tmp_path / "insert.mod", tmp_path / "log.csv", tmp_path / "points.csv"
     program.write_text(text)
@@ -49,7 +50,7 @@ def test_points_between_targets_stand_half_way(sample_inputs: Inputs, tmp_path: 
     assert placed.rows.tolist() == list(range(40))
     assert predicted.targets[placed.before].tolist() == before.tolist()
     step = np.linalg.norm(position[before + 1] - position[before], axis=1)
-    assert np.abs((placed.share - 0.5) * step).max() <= 0.5 * STEP + 1e-9
+    assert np.abs((placed.share - 0.5) * step).max() <= 0.125e-3 + 1e-9
 
 
 @pytest.fixture(scope="module")

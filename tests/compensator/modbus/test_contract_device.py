@@ -114,6 +114,8 @@ def test_headers_and_pages_that_make_no_sense_are_refused():
     refused(Refusal.VALUE, Result.HEADER, device, lambda device: device.write(at.COMMAND, [1]))
     begin(device, table)
     refused(Refusal.SEQUENCE, Result.SEQUENCE, device, lambda device: device.write(at.PAGE, [*split(table.header.id + 1), 0]))
+    for strange in ([1, 2, 3], [1, 2, 3, 4], [1, 2, 3, 4, 5]):      # long enough to say which transfer they are not of
+        refused(Refusal.SEQUENCE, Result.SEQUENCE, device, lambda device, strange=strange: device.write(at.PAGE, strange))
     for wrong in ([], [1, 2], table.page(0)[:-1], [*split(table.header.id), 0]):
         refused(Refusal.VALUE, Result.PAGE_LENGTH, device, lambda device, wrong=wrong: device.write(at.PAGE, wrong))
 
