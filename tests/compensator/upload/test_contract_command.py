@@ -401,6 +401,20 @@ def test_the_record_is_held_against_the_module(controller, cell, tmp_path):
     assert (kit.call(cell, plain, "--apply").code, kit.call(cell, plain).codes) == (0, ["CS6102"])
 
 
+def test_a_name_that_belongs_to_another_file_is_told_before_anything_is_sent(controller, cell, tmp_path):
+    """Whatever it is called; the same content is there already."""
+    file = kit.write_module(tmp_path)
+    controller.files["HOME/other.mod"] = b"another's"
+    for arguments in ((), ("--apply",)):
+        taken = kit.call(cell, file, "--name", "other.mod", *arguments)
+        assert (taken.code, taken.codes) == (3, ["CS6111"])
+        assert "the controller has another file HOME/other.mod already, 9 bytes" in taken.message
+    assert controller.files == {"HOME/other.mod": b"another's"}
+    controller.files["HOME/other.mod"] = file.read_bytes()
+    there = kit.call(cell, file, "--name", "other.mod").document["result"]
+    assert (there["already_there"], [one["file"] for one in there["there"]]) == (True, ["other.mod"])
+
+
 def test_a_name_that_was_taken_since_the_look_is_not_written_over(controller, cell, tmp_path):
     from compensator.upload.address import Controller
     from compensator.upload.remote import Remote
