@@ -55,6 +55,9 @@ def test_where_nothing_was_measured_or_predicted_there_is_no_scale() -> None:
     some, none = np.ones((40, 3)), np.zeros((40, 3))
     assert estimate_scale(none, some) is estimate_scale(some, none) is None
     assert estimate_scale(some, some) is not None
+    for nanometres in (0.9, 1.1):       # RMS
+        told = np.tile([[2e-9 * nanometres / np.sqrt(2)], [0.0]], (20, 1))
+        assert (estimate_scale(some[:, :1], told) is None) == (nanometres < 1)
 
 
 def test_the_interval_of_a_ratio_is_as_wide_as_that_of_chance() -> None:
@@ -129,12 +132,55 @@ def test_the_scale_beside_a_constant_is_that_of_the_components_that_were_measure
     assert found.points == len(set(row))
 
 
+def test_a_scale_is_that_of_plain_sums_with_the_interval_of_its_blocks() -> None:
+    """Place by place, of which components are missing; the influence of a place is what it moves the slope by, and sixteen
+    blocks of thirty places tell how the mean of these scatters. Beside a constant the same of what is centred axis by axis."""
+    rng, count = np.random.default_rng(41), 480
+    predicted = 1e-6 * rng.normal(20.0, 60.0, (count, 3))
+    measured = 1.3 * predicted + 1e-6 * rng.normal(0.0, 15.0, (count, 3)) + [0, 2e-6, 0]
+    measured[rng.random((count, 3)) < 0.2] = np.nan
+    predicted[5] = np.nan
+    found = estimate_scale(measured, predicted)
+    assert found is not None
+    known = np.isfinite(measured) & np.isfinite(predicted)
+    places = [k for k in range(count) if known[k].any()]
+
+    def slope(m: np.ndarray, p: np.ndarray) -> tuple[float, tuple[float, float]]:
+        along = sum(float(np.sum(m[k, known[k]] * p[k, known[k]])) for k in places)
+        square = sum(float(np.sum(p[k, known[k]] ** 2)) for k in places)
+        best = along / square
+        each = len(places) / square * np.array([
+            np.sum(p[k, known[k]] * (m[k, known[k]] - best * p[k, known[k]])) for k in places])
+        blocks = np.array([part.mean() for part in np.array_split(each, 16)])
+        half = t.ppf(0.975, 15) * blocks.std(ddof=1) / 4
+        return best, (best - half, best + half)
+
+    scale, interval = slope(measured, predicted)
+    middle = [np.array([part[known[:, axis], axis].mean() for axis in range(3)]) for part in (measured, predicted)]
+    beside, its_interval = slope(measured - middle[0], predicted - middle[1])
+    m, p = measured[known], predicted[known]
+    size = np.sum(m**2)
+    assert (found.points, found.blocks, found.short) == (len(places), 16, False)
+    assert (found.scale, *(found.interval or ())) == pytest.approx((scale, *interval), rel=1e-9)
+    assert (found.with_constant, *(found.with_constant_interval or ())) == pytest.approx((beside, *its_interval), rel=1e-9)
+    assert (found.share, found.share_scaled) == pytest.approx(
+        (1 - np.sum((m - p) ** 2) / size, 1 - np.sum((m - scale * p) ** 2) / size), rel=1e-9)
+    assert (found.measured_rms_um, found.residual_rms_um) == pytest.approx(
+        (1e6 * np.sqrt(size / len(places)), 1e6 * np.sqrt(np.sum((m - scale * p) ** 2) / len(places))), rel=1e-9)
+    assert found.std == pytest.approx((interval[1] - interval[0]) / 3.92, rel=1e-9)
+    written = found.as_dict()
+    assert (written["interval"], written["advised_scale"], "short" in written) == (
+        [*(found.interval or ())], round(found.scale, 3), False)
+
+
 SURE = Scale(100, 1.2, (1.1, 1.3), 0.9, 0.95, 100.0, 20.0, None, None, (0.0,) * 3, False, 16, False)
 
 
 @pytest.mark.parametrize(("change", "option"), [
     ({}, "--scale 1.2:0.051"), ({"interval": (0.9, 1.3)}, "--scale 1:0.1"), ({"interval": None}, ""),
-    ({"interval": (-0.1, 2.0)}, ""), ({"interval": (0.9, 1.3), "constant_shown": True}, ""), ({"constant_shown": True}, ""),
+    ({"interval": (-0.1, 2.0)}, ""), ({"interval": (0.0, 0.9)}, ""), ({"interval": (0.8, 1.0)}, "--scale 1:0.051"),
+    ({"interval": (1.0, 1.2)}, "--scale 1:0.051"), ({"interval": (1.19, 1.19 + 1e-4)}, "--scale 1.2:0.001"),
+    ({"interval": (0.9, 1.3), "constant_shown": True}, ""), ({"constant_shown": True}, ""),
     ({"interval": (0.9, 1.3), "other_axes": "x y exchanged"}, ""), ({"other_axes": "x y exchanged"}, ""),
     ({"scale": 9.0, "interval": (8.0, 10.0)}, "")])
 def test_a_scale_is_handed_on_where_it_is_one(change: dict[str, object], option: str) -> None:
