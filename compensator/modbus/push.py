@@ -103,7 +103,7 @@ class PushResult:
                else "dry run: nothing was sent")
         return [
             f"cell: {self.address}",
-            f"rows: {len(offsets.offset)}, targets {offsets.first} to {last}, {pages} pages, {cut}",
+            f"rows: {len(offsets.offset)}, targets {offsets.first} to {last}, {counted(pages, 'page')}, {cut}",
             f"largest offset: {1e3 * offsets.length.max():.4f} mm at target {offsets.first + offsets.worst}, limit "
             f"{1e3 * self.limit:g} mm; sent in whole micrometres",
             *self._difference_lines(), end]
