@@ -70,8 +70,9 @@ def test_of_several_windows_the_active_one_is_compared_with_itself() -> None:
         "largest_change_mm": 0.0}
     none = result(um, 5, tables, OffsetTable(EMPTY, np.empty((0, 3), np.uint16)))
     assert (none.difference or {})["rows_only_new"] == 40
+    size = 1e-3 * np.sqrt(297**2 + 298**2 + 299**2)
     assert none.lines()[1:4] == ["rows: 100, targets 5 to 104, 3 pages, 3 windows",
-                                 f"largest offset: {1e-3 * np.sqrt(297**2 + 298**2 + 299**2):.4f} mm at target 104, limit 2 mm; sent in whole micrometres",
+                                 f"largest offset: {size:.4f} mm at target 104, limit 2 mm; sent in whole micrometres",
                                  "active table: none"]
     unasked = result(um, 5, tables[:1], None)
     assert unasked.difference is None

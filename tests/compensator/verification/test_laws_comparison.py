@@ -113,6 +113,25 @@ def test_a_comparison_is_that_of_its_places_one_by_one() -> None:
                      for deviation, sigma in zip(both, sigmas, strict=True))).verdict == "worse"
 
 
+@pytest.mark.parametrize(("interval", "verdict"), [
+    ((1.01, 2.0), "better"), ((1.0, 2.0), "no difference shown"), ((0.5, 1.0), "no difference shown"), ((0.5, 0.99), "worse"),
+    (None, "no difference shown")])
+def test_a_part_is_better_or_worse_where_the_interval_has_no_one(interval: tuple[float, float] | None, verdict: str) -> None:
+    one = Readings("", "target", np.arange(9.0)[:, None], np.full((9, 3), 4e-6), np.full((9, 3), 1e-6), None)
+    assert replace(compare(one, one), interval=interval).verdict == verdict
+
+
+def test_where_nothing_is_left_there_is_no_ratio() -> None:
+    """Nor where nothing was off before; sizes are told all the same."""
+    off, nothing = (Readings("", "target", np.arange(40.0)[:, None], np.full((40, 1), size), np.full((40, 1), 2e-6), None)
+                    for size in (-3e-6, 0.0))
+    for before, after, worse in ((off, nothing, 0), (nothing, off, 0), (nothing, nothing, 0)):
+        found = compare(before, after)
+        assert (found.ratio, found.interval, found.log_ratio, found.worse) == (None, None, None, worse)
+        assert (found.before.rms_um, found.after.max_um) == pytest.approx((3.0 * (before is off), 3.0 * (after is off)))
+        assert found.by_axis["normal"][0].mean_um == pytest.approx(-3.0 * (before is off))
+
+
 def test_the_scale_beside_a_constant_is_that_of_the_components_that_were_measured() -> None:
     """Against least squares with a constant for each axis over what is known of either, and with none."""
     rng = np.random.default_rng(18)
