@@ -72,6 +72,21 @@ def test_a_unit_that_the_sigma_has_too_is_told(tmp_path: Path, seed: int) -> Non
     assert stopped.value.findings[0].line == 4
 
 
+@pytest.mark.parametrize("within", [1e-3, 0.0])
+def test_readings_of_two_walls_that_stand_closer_than_the_distance_are_paired_by_their_normals(
+    tmp_path: Path, within: float
+) -> None:
+    """Each a little beside the place of the other wall's in the other pass, or both at one place where none may be between."""
+    aside = 0.4 if within else 0.0
+    rows = [[5 * k + aside * wall, 0, 0, wall == 0, wall == 1, 0, 50 + 10 * k + wall] for k in range(6) for wall in (0, 1)]
+    moved = [[5 * k + aside * (1 - wall), 0, 0, wall == 0, wall == 1, 0, 20] for k in range(6) for wall in (1, 0)]
+    before, after = (csv(tmp_path, name, "x_mm,y_mm,z_mm,nx,ny,nz,dn_um", np.array(table, dtype=float))
+                     for name, table in (("b.csv", rows), ("a.csv", moved)))
+    result = verify_files(read_cell(write_cell(tmp_path)), before, after, within=within)
+    assert (result.rows_before.tolist(), result.rows_after.tolist()) == (
+        list(range(12)), [k + 1 - 2 * (k % 2) for k in range(12)])
+
+
 @pytest.mark.parametrize("columns", ["target", "x_mm,y_mm,z_mm"])
 @pytest.mark.parametrize(("shared", "words"), [(3, ""), (2, "only 2 of 30 rows belong"), (0, "no row belongs")])
 def test_a_tenth_of_the_places_belongs_together(tmp_path: Path, columns: str, shared: int, words: str) -> None:

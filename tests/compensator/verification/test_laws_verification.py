@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compensator.verification.report import verify_report
 from compensator.verification.verify import Verification
 from compensator.verification.verify import verify as verify_files
 from identification.model.cell import read_cell
@@ -490,3 +491,75 @@ def test_ten_places_that_are_clearly_off_as_before_but_for_15_per_cent_were_not_
               for name, values in (("b.csv", off), ("a.csv", (1 - change) * off + (0 if change else 0.02)))]
     found = [one.message for one in verify_files(read_cell(write_cell(tmp_path)), *passes).findings if one.code == "CS6048"]
     assert [said in message for message in found] == [True] * bool(said)
+
+
+def cells(page: str) -> list[list[str]]:
+    """The rows of all tables of a page."""
+    row, cell = (re.compile(rf"<{name}[^>]*>(.*?)</{name}>", re.DOTALL) for name in ("tr", "t[dh]"))
+    return [[" ".join(re.sub(r"<[^>]+>", " ", text).split()) for text in cell.findall(each)] for each in row.findall(page)]
+
+
+def test_the_page_has_the_figures_of_the_readings(tmp_path: Path) -> None:
+    """Of sizes and of each axis that was measured, and how many times the predicted deviation they are; by plain numpy. The
+    share of the tolerance is that of the largest, and a sentence says what the prediction took away."""
+    rng, at = np.random.default_rng(53), np.arange(200)
+    told = rng.normal(5, 60, (200, 3))
+    before = 1.3 * told + rng.normal(0, 8, told.shape)
+    after = 0.2 * told + rng.normal(0, 8, told.shape)
+    before[:, 2] = after[:, 2] = np.nan
+    before[4, 1] = np.nan
+    files = [csv(tmp_path, name, "target,dx_um,dy_um,dz_um", np.column_stack([at, values]))
+             for name, values in (("b.csv", before), ("a.csv", after), ("t.csv", told))]
+    result = verify_files(read_cell(write_cell(tmp_path)), *files, tolerance_um=50.0)
+    page = verify_report(result)
+    both = np.isfinite(before) & np.isfinite(after)
+    of_place = [np.sqrt(np.sum(np.where(both, values, 0.0) ** 2, axis=1)) for values in (before, after)]
+
+    def figures(one: np.ndarray, other: np.ndarray) -> list[str]:
+        both = [(np.sqrt(np.mean(values**2)), values.mean(), np.quantile(np.abs(values), 0.95), np.abs(values).max())
+                for values in (one, other)]
+        return [str(len(one)), *(f"{x:.1f} {y:.1f}" for x, y in zip(*both, strict=True))]
+
+    rows = cells(page)
+    assert ["size", *figures(*of_place)] in rows
+    for axis, name in enumerate("xy"):
+        kept = both[:, axis]
+        assert [f"along {name}", *figures(before[kept, axis], after[kept, axis])] in rows
+    assert not any(row[:1] == ["along z"] for row in rows)
+    known = np.isfinite(before)
+    scales = [row for row in rows if len(row) == 6 and "\u2026" in row[2]]
+    for name, axes in (("overall", [True] * 3), ("along x", [True, False, False]), ("along y", [False, True, False])):
+        chosen = known & axes
+        m, p, count = before[chosen], told[chosen], int(chosen.any(axis=1).sum())
+        scale = m @ p / (p @ p)
+        [row] = [row for row in scales if row[0] == name]
+        assert (row[1], row[2].split()[0]) == (str(count), f"{scale:.3f}")
+        assert row[3:] == [f"{100 * (1 - np.sum((m - p) ** 2) / (m @ m)):.1f} %",
+                           f"{100 * (1 - np.sum((m - scale * p) ** 2) / (m @ m)):.1f} %",
+                           f"{np.sqrt(np.sum((m - scale * p) ** 2) / count):.1f}"]
+    assert len(scales) == 3
+    largest = np.nanmax(np.sqrt(np.nansum(after**2, axis=1)))
+    words = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page)).replace("\xa0", " ")
+    assert f"share of the tolerance {100 * largest / 50:.0f} %" in words
+    assert result.scale is not None
+    assert f"The prediction as it stands explains {100 * result.scale.share:.1f} % of the mean square measured before" in words
+
+
+@pytest.mark.parametrize("count", [4000, 4001])
+def test_of_over_four_thousand_places_every_second_is_drawn(tmp_path: Path, count: int) -> None:
+    at = np.arange(count)
+    told = 50 * np.sin(at / 9)
+    file, read = (csv(tmp_path, name, "target,dx_um,dy_um,dz_um", np.column_stack([at, times * told, told, told]))
+                  for name, times in (("told.csv", 1.0), ("read.csv", 1.2)))
+    page = verify_report(verify_files(read_cell(write_cell(tmp_path)), read, read, file))
+    assert ("One place in 2 is drawn." in page, "One place in" in page) == (count > 4000,) * 2
+
+
+def test_readings_of_two_components_are_held_against_the_prediction_as_they_stand(passes: dict[str, Path], tmp_path: Path):
+    """Along which other axes they may be is asked of whole vectors alone."""
+    rows = np.loadtxt(passes["mirrored"], delimiter=",", skiprows=1)[:, :3]
+    two = csv(tmp_path, "two.csv", "target,dx_um,dy_um", rows)
+    result = verify(passes["cell"], two, two, "--predicted", passes["predicted"], "--json")
+    assert result.exit_code == 0, result.output
+    scale = json.loads(result.stdout)["result"]["predicted"]
+    assert (scale["other_axes"], sorted(scale["axes"]), len(of_code(result, "CS6050"))) == ("", ["x", "y"], 0)
