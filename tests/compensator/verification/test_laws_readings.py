@@ -331,7 +331,7 @@ def test_a_measured_table_may_have_rows_without_a_place(passes: dict[str, Path],
 def test_places_are_read_in_metres(tmp_path: Path, header: str, value: str, place: list[float]) -> None:
     (tmp_path / "pass.csv").write_text(f"{header},dx_um\n{value},5\n")
     read = read_readings(tmp_path / "pass.csv", read_cell(write_cell(tmp_path)))
-    assert read.place.tolist() == [pytest.approx(place)]
+    assert (read.place.tolist(), read.key) == ([pytest.approx(place)], header.replace(",", " "))
 
 
 @pytest.mark.parametrize(("count", "size", "code"), [
