@@ -36,7 +36,7 @@ def test_people_are_told_the_numbers_of_the_program_as_it_was_given(path: Toolpa
 @pytest.mark.parametrize("order", [[5, 1, 1], [], [0, 1, 2, 3, 4, 5]])
 def test_some_of_its_targets_are_a_path_of_their_own(path: Toolpath, order: list[int]) -> None:
     """Row by row; what is of the whole program alone stays behind."""
-    whole = replace(path, given=np.arange(6), driven=np.array(order), switched=((1, "stn1", True),), uncounted=((0, 1), (4, 5)),
+    whole = replace(path, given=np.arange(6), driven=np.array(order), switched=((1, "s", True),), uncounted=((-1, 0), (4, 5)),
                     ways=(Way(np.arange(6), (), True),), together=np.arange(6) == 5, others=OtherFiles(called=("more",)))
     taken = whole.taken(np.array(order, dtype=np.intp))
     assert len(taken) == len(order)
@@ -45,11 +45,12 @@ def test_some_of_its_targets_are_a_path_of_their_own(path: Toolpath, order: list
         np.testing.assert_array_equal(getattr(taken, name), getattr(whole, name)[order], err_msg=name)
     assert (taken.given, taken.driven, taken.ways, taken.switched, taken.findings) == (None, None, (), (), ())
     assert (taken.tools, taken.workobjects, taken.others) == (whole.tools, whole.workobjects, whole.others)
-    assert taken.uncounted == {3: (), 0: (), 6: ((0, 1), (4, 5))}[len(order)]
+    assert taken.uncounted == {3: (), 0: (), 6: ((-1, 0), (4, 5))}[len(order)]
 
 
 def test_a_path_that_names_no_configurations_is_not_stopped_by_one(path: Toolpath) -> None:
     """As of tables and of APT: only RAPID has a controller watch it, unless it says ConfL\\Off."""
     assert path.monitored
+    assert OtherFiles() == OtherFiles(started=True, called=(), targets=())
     names = [name for name in vars(path) if name != "monitored"]
     assert not Toolpath(**{name: getattr(path, name) for name in names}).monitored
