@@ -396,3 +396,32 @@ def test_a_constant_is_there_at_one_and_a_half_half_widths_and_a_twentieth_of_th
     assert found.blocks == 16
     assert found.constant_um == pytest.approx((constant,), rel=1e-6)
     assert found.constant_shown == shown
+
+
+@pytest.mark.parametrize(("ratio", "interval", "said"), [
+    (4.0, (3.5, 4.57), " It is 4.00 times smaller (95 %: 3.50 to 4.57)."),
+    (0.5, (0.4, 0.62), " It became larger: before over after is 0.50 (95 %: 0.40 to 0.62). Do not use this correction."),
+    (1.1, (0.9, 1.3), " Before over after is 1.10 (95 %: 0.90 to 1.30): no difference is shown."),
+    (1.1, None, " These are too few places to say how sure that is.")])
+def test_a_comparison_is_told_in_a_sentence(ratio: float, interval: tuple[float, float] | None, said: str) -> None:
+    one = Readings("", "target", np.arange(2.0)[:, None], np.array([[3e-6], [-4e-6]]), np.full((2, 1), 1e-6), None)
+    other = replace(one, deviation=np.array([[1e-6], [1e-6]]))
+    assert _comparison_text(replace(compare(one, other), ratio=ratio, interval=interval)) == (
+        "At 2 places measured before and after the correction the deviation went from 3.5 to 1.0 um RMS, the largest from 4.0 "
+        f"to 1.0 um.{said}")
+
+
+@pytest.mark.parametrize(("scale", "said"), [
+    (SURE, "1.200 times (95 %: 1.100 to 1.300) the predicted. So it is where the load tests were taken at standstill. Advice: "
+     "correct --scale 1.2:0.051, which would explain 95.0 % and leave 20.0 um RMS."),
+    (replace(SURE, scale=0.7, interval=(0.65, 0.75)), "0.700 times (95 %: 0.650 to 0.750) the predicted. Advice: correct "
+     "--scale 0.7:0.026, which would explain 95.0 % and leave 20.0 um RMS."),
+    (replace(SURE, scale=1.01, interval=(0.98, 1.04)), "1.010 times (95 %: 0.980 to 1.040) the predicted. 1 lies inside: no "
+     "scale is needed; correct --scale 1:0.015 tells that motion adds nothing beyond that."),
+    (replace(SURE, scale=1.01, interval=(0.98, 1.04), constant_shown=True), "1.010 times (95 %: 0.980 to 1.040) the predicted. "
+     "1 lies inside: no scale is needed."),
+    (replace(SURE, interval=None), "1.200 times the predicted. No scale is advised; the findings say why.")])
+def test_a_scale_is_told_in_a_sentence(scale: Scale, said: str) -> None:
+    assert _scale_text(scale) == (
+        "The prediction as it stands explains 90.0 % of the mean square measured before at the 100 places where it says "
+        f"something; there the measured deviation is {said}")
