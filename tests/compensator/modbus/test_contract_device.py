@@ -307,3 +307,14 @@ def test_the_robot_writes_its_own_registers_alone(address: int, count: int, ther
     else:
         refused(Refusal.ADDRESS, Result.NONE, device, lambda device: device.write(address, values))
         assert device.read(at.ROBOT, 6) == before
+
+
+def test_a_robot_whose_heartbeat_never_changed_is_not_running() -> None:
+    """Registers that say so are left from before."""
+    device, table = offset_device(), random_table(1)
+    device.write(at.ROBOT + 1, [Robot.RUNNING])
+    load(device, table)
+    assert device.active is not None
+    device.write(at.ROBOT, [1])
+    with pytest.raises(RefusedWrite, match="ROBOT_RUNNING"):
+        load(device, random_table(2))
