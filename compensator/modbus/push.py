@@ -64,12 +64,12 @@ class PushResult:
 
     @property
     def difference(self) -> dict[str, Any] | None:
-        """What the first window changes in the active table (JSON values); None where the device was not asked."""
+        """What the active window, or else the first, changes in the active table (JSON values); None where the device was not
+        asked."""
         if self.active is None:
             return None
-        new, old = self.tables[0], self.active
-        if new.header.window != old.header.window or new.header.windows != old.header.windows:
-            new = next((table for table in self.tables if table.header == old.header), new)
+        old = self.active
+        new = next((table for table in self.tables if table.header == old.header), self.tables[0])
         first = max(new.header.first, old.header.first)
         count = max(min(new.header.first + new.header.rows, old.header.first + old.header.rows) - first, 0)
         change = (to_micrometres(new.registers[first - new.header.first:][:count])
@@ -103,7 +103,7 @@ class PushResult:
                else "dry run: nothing was sent")
         return [
             f"cell: {self.address}",
-            f"rows: {len(offsets.offset)}, targets {offsets.first} to {last}, {pages} pages, {cut}",
+            f"rows: {len(offsets.offset)}, targets {offsets.first} to {last}, {counted(pages, 'page')}, {cut}",
             f"largest offset: {1e3 * offsets.length.max():.4f} mm at target {offsets.first + offsets.worst}, limit "
             f"{1e3 * self.limit:g} mm; sent in whole micrometres",
             *self._difference_lines(), end]

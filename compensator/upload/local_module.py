@@ -141,7 +141,9 @@ def _record(file: Path, digest: str, robot: str, changed: bool) -> tuple[dict[st
     if corrected_for != robot:
         raise Refused(Finding("CS6103", "error", f"was corrected for the robot '{corrected_for}', the cell has '{robot}'",
                               file=str(file), hint="give the cell.yaml it was corrected with"))
-    differs = () if any(output.get("sha256") == digest for output in _outputs(record)) else (Finding(
+    # What the record says of this name; a program that was renamed with its record is what it was.
+    outputs = [output for output in _outputs(record) if output.get("file") == file.name] or _outputs(record)
+    differs = () if any(output.get("sha256") == digest for output in outputs) else (Finding(
         "CS6101", "warning" if changed else "error", f"is not what its record {path.name} says: it was changed since it was "
         "corrected", file=str(file), hint="" if changed else "correct it again, or --changed where it was changed on purpose"),)
     if differs and not changed:

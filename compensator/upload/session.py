@@ -171,7 +171,7 @@ class Session:
         deadline = Deadline(self.controller.timeout_s + len(content) / LEAST_RATE)
         try:
             with deadline, self._client.stream(
-                method, path, headers=headers, content=content if content or method != "GET" else None, auth=self._auth,
+                method, path, headers=headers, content=content, auth=self._auth,
                 extensions={"trace": deadline.trace, MOST: most},
             ) as response:
                 self._keep(response)

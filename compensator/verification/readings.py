@@ -82,7 +82,7 @@ class Readings:
     def as_given(self, added: AddedTargets) -> Readings:
         """With the numbers that the program as given has for its targets, where these are the corrected program's: rows at
         targets that were added are left out. Where they may be either's they are taken for the former."""
-        highest = int(self.place.max()) if len(self) else 0
+        highest = int(self.place.max())
         which = added.numbered(highest)
         if self.key != "target" or which is False:
             return self

@@ -148,6 +148,6 @@ def _against(result: Verification) -> Figure:
     for slope, name, dashed in ((1.0, "as predicted", True), (result.scale.scale, f"scale {result.scale.scale:.3f}", False)):
         series.append(Line(name, ends, slope * ends, "ink", dashed=dashed))
     caption = "Every measured component before the correction against its prediction." + (
-        f" Every {step}th place is drawn." if step > 1 else "")
+        f" One place in {step} is drawn." if step > 1 else "")
     return Figure("Measured against predicted", caption, [
         Panel(series, Axis("predicted deviation [um]"), Axis("measured before [um]"), height=380)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +15,8 @@ from compensator.learned.learned import DRIFT, SETUP, JobFrame, Learned
 from compensator.learned.remainder import Remainder
 from compensator.learning.causes import Asked
 from compensator.learning.held_out import HeldOut
-from compensator.learning.learning import Learning
+from compensator.learning.learning import PARTS, Learning
+from compensator.learning.pages import learn_report
 from compensator.learning.sizes import Sizes
 from identification.model.rotations import Frame
 
@@ -136,3 +138,30 @@ def test_causes_are_said_with_their_parameters_where_they_are_carried(verdict: s
     lines = replace(learning(), asked=asked).lines()
     assert ("backlash[2].gap: 8.6e-05 +- 2.4e-05 rad (2 sigma)" in lines) == carried
     assert len(lines) == len(learning().lines()) + carried
+
+
+def test_the_page_has_the_figures_in_its_tables() -> None:
+    """Each with its unit; springs with two sigma in per cent, what is left where it was learned and where it was not."""
+    given = learning()
+    rows: Any = SimpleNamespace(position=np.zeros((4, 3)), posture=np.zeros((4, 6)), length=np.arange(4) * 1e-3,
+                                place=np.arange(4))
+    terms: Any = SimpleNamespace(job=np.eye(SETUP + DRIFT), rows=rows)
+    planned: Any = SimpleNamespace(program=SimpleNamespace(source=None), cell=SimpleNamespace(source="cell.yaml"),
+                                   model=SimpleNamespace(source=None))
+    page = learn_report(replace(given, terms=terms, predicted=planned))
+    row, cell = (re.compile(rf"<{name}[^>]*>(.*?)</{name}>", re.DOTALL) for name in ("tr", "t[dh]"))
+    table = [[" ".join(re.sub(r"<[^>]+>", " ", text).split()) for text in cell.findall(each)] for each in row.findall(page)]
+    for words, um, gone in zip(PARTS.values(), ("30.0", "9.0", "6.0", "3.0", "7.0", "5.0"),
+                               ("50.0 %", "65.0 %", "75.0 %", "80.0 %", "91.7 %", ""), strict=True):
+        assert [words, um, gone] in table
+    assert ["measured", "60.0", ""] in table
+    assert ["the model as it was", "40.0"] in table
+    assert ["springs, set-up and warming learned", "25.0"] in table
+    assert ["the smooth remainder too", "10.0"] in table
+    assert ["1", "4e+06", "3.6e+06", "2.0 %"] in table
+    assert ["6", "3e+05", "2.7e+05", "12.0 %"] in table
+    words = " ".join(re.sub(r"<[^>]+>", " ", page).replace("\xa0", " ").split())
+    assert "On 8 stretches of the path, each left out once" in words
+    for key in ("60 \u00b5m RMS over 4 places", "5 \u00b5m RMS, where it was learned", "RMS, 8 stretches left out",
+                "1.21 times as at rest; 2 sigma 0.06"):
+        assert key in words, words[:3000]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -104,3 +105,40 @@ def test_points_that_were_copied_are_told(folder: Path, seed: int) -> None:
     assert not said(once)
     assert not said(once + rows(len(place)))
     assert said(once + once)
+
+
+@pytest.mark.parametrize(("copies", "count", "said"), [(2, 10, False), (3, 13, True), (3, 30, True), (3, 31, False),
+                                                       (5, 50, True), (5, 51, False)])
+def test_three_copies_and_a_tenth_of_the_points_are_told_with_the_first(
+    folder: Path, copies: int, count: int, said: bool
+) -> None:
+    """Of `count` points in all; a deviation that was not measured is the same as another that was not."""
+    lines = [f"{k},1,2,{100 + k},{'' if k % 2 else k}" for k in range(count - copies)]
+    lines[3:3] = lines[:copies]
+    found = [one for one in read(folder, "x_mm,y_mm,z_mm,dx_um,dy_um\n" + "\n".join(lines) + "\n").findings
+             if one.code == "CS0012"]
+    assert [(one.level, one.line, one.message.partition(",")[0]) for one in found] == ([(
+        "warning", 5, f"{copies} of {count} points stand in the table before")] if said else [])
+
+
+@pytest.mark.parametrize(("zeros", "said"), [(29, False), (31, True)])
+def test_zeros_are_typed_where_they_are_three_times_what_the_noise_makes(folder: Path, zeros: int, said: bool) -> None:
+    """Steps of 1 um at a noise of 4: a tenth of a normal density's reading falls on one step, of a hundred points ten on 0."""
+    values = [0] * zeros + [2 + k % 40 for k in range(100 - zeros)]
+    text = "x_mm,y_mm,z_mm,nx,ny,nz,dn_um,std_um\n" + "".join(f"{k},1,2,0,0,1,{one},4\n" for k, one in enumerate(values))
+    found = [one for one in read(folder, text).findings if one.code == "CS6047"]
+    assert [(one.level, one.line, one.message.partition(":")[0]) for one in found] == (
+        [("warning", 2, "31 of 100 readings are exactly 0")] if said else [])
+
+
+def test_a_sigma_that_is_not_stated_is_the_cell_s_root_mean_square(folder: Path) -> None:
+    """Of 4, 1 and 1 um the root of 6."""
+    cell = read_cell(folder / "cell.yaml")
+    cell = replace(cell, noise=replace(cell.noise, deflection=1e-6 * np.array([4.0, 1.0, 1.0])))
+    file = folder / "points.csv"
+    file.write_text("x_mm,y_mm,z_mm,dx_um\n1,2,3,4\n5,6,7,8\n")
+    points = read_points(file, cell)
+    assert 1e6 * points.sigma == pytest.approx(np.sqrt([6.0, 6.0]))
+    assert [(one.code, one.level, one.message) for one in points.findings] == [(
+        "CS5302", "note", "no column std_um: 1 sigma of a measured number taken from the cell's measurement.deflection_std_um, "
+        "2.44949 um")]

@@ -15,12 +15,14 @@ from compensator.correction.settings import Settings
 from compensator.learning.long_moves import said_of_long_moves
 from compensator.learning.measured_points import read_points
 from compensator.learning.normals_alone import said_of_normals
-from compensator.learning.path_places import STEP, PathPlaces, place_points
+from compensator.learning.path_places import PathPlaces, place_points
 from compensator.learning.rows import rows_of
+from compensator.learning.terms import frame_of, terms_of
 from compensator.learning.unseen import said_of_unseen
 from identification.common.findings import CompstiffError, Finding
 from identification.model.cell import read_cell
-from tests.compensator.learning.two_tracks import DEPTH, TwoTracks, two_tracks, written
+from identification.model.stiffness import IdentifiedModel
+from tests.compensator.learning.two_tracks import DEPTH, TwoTracks, predict, two_tracks, written
 
 SPEED = "vAir,fine,tSpindle"
 POSE = "[0,0,1,0],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
@@ -34,7 +36,8 @@ BEFORE = {
 
 @pytest.mark.parametrize("moves", BEFORE.values(), ids=BEFORE)
 def test_points_between_targets_stand_half_way(sample_inputs: Inputs, tmp_path: Path, moves: list[str]) -> None:
-    """A log of 100 N from the 10th target of the sample on; points half way between its targets, to half a piece."""
+    """A log of 100 N from the 10th target of the sample on; points half way between its targets, to half a piece of a
+    quarter of a millimetre."""
     text = Path(sample_inputs.toolpath).read_text().replace("WaitTime 5;\n", "\n".join(["WaitTime 5;", *moves, ""]), 1)
     program, log, file = tmp_path / "insert.mod", tmp_path / "log.csv", tmp_path / "points.csv"
     program.write_text(text)
@@ -49,7 +52,7 @@ def test_points_between_targets_stand_half_way(sample_inputs: Inputs, tmp_path: 
     assert placed.rows.tolist() == list(range(40))
     assert predicted.targets[placed.before].tolist() == before.tolist()
     step = np.linalg.norm(position[before + 1] - position[before], axis=1)
-    assert np.abs((placed.share - 0.5) * step).max() <= 0.5 * STEP + 1e-9
+    assert np.abs((placed.share - 0.5) * step).max() <= 0.125e-3 + 1e-9
 
 
 @pytest.fixture(scope="module")
@@ -141,6 +144,98 @@ def test_a_target_that_the_program_does_not_have_is_told_with_its_line(
     (finding,) = stopped.value.findings
     assert (finding.code, finding.file, finding.line) == ("CS3004", str(tmp_path / "p.csv"), 12)
     assert finding.message == "target 124, the program has 124"
+
+
+def x_of(number: float, added_before: int = 1000) -> float:
+    """Where [mm] a target of the first track is; two were added on the way to `added_before`, at 0.3 and 0.6 of it."""
+    if number < added_before:
+        return number - 1
+    return number - 3 if number >= added_before + 2 else added_before - 2 + 0.3 * (number - added_before + 1)
+
+
+@pytest.mark.parametrize(("numbers", "taken_from", "count", "said"), [
+    (range(20, 45), 31, 124, True), (range(20, 45), 1000, 124, False), (range(10, 31), 31, 124, False),
+    (range(31, 33), 31, 124, True), (range(20, 45), 1000, 123, False)])
+def test_targets_that_points_name_may_be_those_of_the_corrected_program(
+    tracks: TwoTracks, tmp_path: Path, numbers: range, taken_from: int, count: int, said: bool
+) -> None:
+    """Two were added before target 31: taken as those to which the points stand nearer; below 31 both are the same. Offsets
+    of another number of targets say nothing."""
+    offsets = tmp_path / "offsets.csv"
+    offsets.write_text("target,added\n" + "".join(f"{k},{'0.3 0.6' if k == 31 else ''}\n" for k in range(count)))
+    settings = replace(tracks.predicted.settings, correction=replace(tracks.predicted.settings.correction, logged_with=offsets))
+    predicted = replace(tracks.predicted, settings=settings)
+    rows = np.array([[x_of(k, taken_from), 0.3, DEPTH, 5, k] for k in numbers])
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,dx_um,target", rows), read_cell(tracks.inputs.cell))
+    placed = place_points(points, predicted, 0.0, 1e-3)
+    assert placed.rows.tolist() == list(range(len(numbers)))
+    at = [float(tracks.place[row, 0]) for row in placed.before]
+    np.testing.assert_allclose(at + placed.share, rows[:, 0], atol=1e-6)
+    assert [(one.level, one.message, one.file) for one in left_out(placed, "CS5326")] == ([(
+        "note", "the points name targets of the corrected program, which has 2 more (column added of offsets.csv)",
+        str(tmp_path / "p.csv"))] if said else [])
+
+
+@pytest.mark.parametrize("target", [125, 126])
+def test_a_target_beyond_both_programs_is_told_by_the_larger(tracks: TwoTracks, tmp_path: Path, target: int) -> None:
+    """The corrected one has 126, the last of them in the air; a number that the planned one does not have is its own, whatever
+    is nearer."""
+    offsets = tmp_path / "offsets.csv"
+    offsets.write_text("target,added\n" + "".join(f"{k},{'0.3 0.6' if k == 31 else ''}\n" for k in range(124)))
+    settings = replace(tracks.predicted.settings, correction=replace(tracks.predicted.settings.correction, logged_with=offsets))
+    rows = np.array([[k - 1, 0, DEPTH, 5, k] for k in range(40, 55)] + [[0, 5.5, DEPTH, 5, target]])
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,dx_um,target", rows), read_cell(tracks.inputs.cell))
+    if target == 125:
+        placed = place_points(points, replace(tracks.predicted, settings=settings), 0.0, 1e-3)
+        assert (len(left_out(placed, "CS5326")), len(left_out(placed, "CS5307")), len(placed.rows)) == (1, 1, 15)
+        assert tracks.place[placed.before[0], 0] + placed.share[0] == pytest.approx(37)
+        return
+    with pytest.raises(CompstiffError) as stopped:
+        place_points(points, replace(tracks.predicted, settings=settings), 0.0, 1e-3)
+    assert [(one.code, one.message, one.line) for one in stopped.value.findings] == [
+        ("CS3004", "target 126, the program has 126", 17)]
+
+
+def test_the_terms_are_the_rows_less_the_deviation_and_its_slopes(tracks: TwoTracks, tmp_path: Path) -> None:
+    """By predictions with springs that are a little stiffer and softer, about springs that are 5 to 30 % off those of before;
+    set-up and drift by a small motion of the part about its middle, the drift with the time."""
+    rng = np.random.default_rng(31)
+    chosen = np.arange(3, 118, 8)
+    table = np.column_stack([tracks.place[chosen], rng.normal(0, 50, (len(chosen), 3))])
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um", table), read_cell(tracks.inputs.cell))
+    rows = rows_of(points, place_points(points, tracks.predicted, 0.0, 1e-3), tracks.predicted)
+    frame = frame_of(rows, tracks.predicted)
+    place = rows.position
+    assert frame.centre == pytest.approx(place.mean(axis=0), abs=1e-12)
+    assert frame.radius == pytest.approx(np.sqrt(((place - place.mean(axis=0)) ** 2).sum() / len(place)), rel=1e-12)
+    assert frame.duration == rows.time.max()
+    mean = tracks.model.mean
+    there = replace(tracks.model, mean=mean + np.linspace(0.05, 0.3, len(mean)))
+
+    def seen(model: IdentifiedModel) -> np.ndarray:
+        return rows.seen(predict(tracks.inputs, model).prediction.position)[:, 0]
+
+    step = 1e-4 * np.eye(len(mean))
+    slopes = np.column_stack([(seen(replace(there, mean=there.mean + one)) - seen(replace(there, mean=there.mean - one))) / 2e-4
+                              for one in step])
+    before = np.diag(rng.uniform(0.1, 0.2, len(mean)))
+    found = terms_of(rows, tracks.predicted, there, mean, before, frame, np.eye(9))
+    assert found.by_x == pytest.approx(slopes, abs=1e-3 * np.abs(slopes).max())
+    assert found.residual == pytest.approx(rows.value - seen(there) + found.by_x @ (there.mean - mean), abs=1e-12)
+    shift, turn, drift = 1e-4 * rng.normal(size=(3, 3))
+    moved = (shift + np.cross(turn, place - place.mean(axis=0)) + np.outer(rows.time / rows.time.max(), drift))[rows.place]
+    assert found.of_job @ np.concatenate([shift, turn * frame.radius, drift]) == pytest.approx(
+        np.sum(rows.direction * moved, axis=1), abs=1e-12)
+    assert found.before is before
+
+
+def test_points_at_one_place_alone_have_a_middle_that_a_turn_does_not_move(tracks: TwoTracks, tmp_path: Path) -> None:
+    table = np.column_stack([np.tile(tracks.place[30], (4, 1)), np.arange(4.0)])
+    points = read_points(written(tmp_path / "p.csv", "x_mm,y_mm,z_mm,dx_um", table), read_cell(tracks.inputs.cell))
+    rows = rows_of(points, place_points(points, tracks.predicted, 0.0, 1e-3), tracks.predicted)
+    frame = frame_of(replace(rows, position=rows.position[[0, 0, 0, 0]]), tracks.predicted)
+    assert frame.radius == 1.0
+    assert not frame.columns(rows.position[:1], np.zeros(1))[:, :, 3:].any()
 
 
 @pytest.mark.parametrize(("loaded", "cut"), [((30, 32), False), ((30, 31), True)])

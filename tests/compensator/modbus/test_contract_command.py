@@ -85,7 +85,8 @@ def test_dry_run_then_apply_then_again(tmp_path):
             "largest_change_mm": abs(kit.offsets_of(table)[4][1] - 1) / 1000}
         assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(table)
     log = [json.loads(line) for line in (tmp_path / "push-log.jsonl").read_text().splitlines()]
-    assert [line["result"] for line in log] == ["started", "committed", "started", "already active"]
+    assert [(line["result"], line.get("exit_code")) for line in log] == [
+        ("started", None), ("committed", 0), ("started", None), ("already active", 0)]
     assert all(line["sha256"] and line["user"] and line["time"] and line["tables"] == [table.header.name] for line in log)
 
 

@@ -114,6 +114,8 @@ def test_headers_and_pages_that_make_no_sense_are_refused():
     refused(Refusal.VALUE, Result.HEADER, device, lambda device: device.write(at.COMMAND, [1]))
     begin(device, table)
     refused(Refusal.SEQUENCE, Result.SEQUENCE, device, lambda device: device.write(at.PAGE, [*split(table.header.id + 1), 0]))
+    for strange in ([1, 2, 3], [1, 2, 3, 4], [1, 2, 3, 4, 5]):      # long enough to say which transfer they are not of
+        refused(Refusal.SEQUENCE, Result.SEQUENCE, device, lambda device, strange=strange: device.write(at.PAGE, strange))
     for wrong in ([], [1, 2], table.page(0)[:-1], [*split(table.header.id), 0]):
         refused(Refusal.VALUE, Result.PAGE_LENGTH, device, lambda device, wrong=wrong: device.write(at.PAGE, wrong))
 
@@ -231,3 +233,88 @@ def test_a_commit_that_was_done_already_leaves_the_cell_free_for_another_writer(
     commit(device, table)
     begin(device, other)
     assert (device.commits, device.read(at.ACTIVE, HEADER_REGISTERS)) == (1, table.header.registers())
+
+
+def test_the_heartbeat_counts_up_twice_a_second_and_commits_by_one() -> None:
+    """Both modulo 65536, which a PLC compares."""
+    clock = Clock()
+    device, tables = offset_device(clock=clock), [random_table(1), random_table(2)]
+    for now, beats in ((100.0, 200), (100.49, 200), (100.5, 201), (101.0, 202), (32767.5, 65535), (32768.0, 0), (32769.5, 3)):
+        clock.now = now
+        assert (device.read(22, 1), device.read(67, 1)) == ([beats], [beats])
+    device.commits = 65534
+    for count, table in ((65535, tables[0]), (0, tables[1]), (1, tables[0])):
+        load(device, table)
+        assert device.read(21, 1) == [count]
+
+
+@pytest.mark.parametrize(("runs", "state", "own", "window", "finished"), [
+    (True, Robot.WINDOW_DONE, True, 2, 2), (False, Robot.WINDOW_DONE, True, 2, 0), (True, Robot.RUNNING, True, 2, 0),
+    (True, Robot.IDLE, True, 2, 0), (True, Robot.WINDOW_DONE, False, 2, 0), (True, Robot.WINDOW_DONE, True, 1, 0),
+    (True, Robot.WINDOW_DONE, True, 3, 0)])
+def test_a_window_is_finished_where_all_that_the_robot_says_fits(
+    runs: bool, state: Robot, own: bool, window: int, finished: int
+) -> None:
+    """It has run with the table since its commit, is done, and names this table and this window."""
+    table, other = random_table(1, window=2, windows=3, total=300), random_table(2)
+    device = offset_device()
+    load(device, table)
+    if runs:
+        device.write(at.ROBOT, [7, Robot.RUNNING, 0, *split(table.header.id)])
+    device.write(at.ROBOT, [8, state, 0, *split((table if own else other).header.id), window])
+    assert device.read(at.FINISHED, 1) == [finished]
+    # A restart cannot know whether it ran, and believes what the robot says now.
+    device.ran = True
+    assert device.read(at.FINISHED, 1) == [2 if (state, own, window) == (Robot.WINDOW_DONE, True, 2) else 0]
+    device.write(at.ROBOT + 1, [Robot.WINDOW_DONE])
+    load(device, other)
+    assert device.read(at.FINISHED, 1) == [0]
+
+
+@pytest.mark.parametrize("again", ["begin", "page", "commit"])
+def test_who_asks_again_keeps_the_cell(again: str) -> None:
+    """Also a commit that waits for the robot; who is silent for the lease loses it to another."""
+    clock = Clock()
+    device, old, table, other = offset_device(clock=clock, lease_s=5.0), random_table(3), random_table(1), random_table(2)
+    load(device, old)
+    begin(device, table)
+    for number in range(3):
+        page(device, table, number)
+    clock.now += 4.0
+    device.write(at.ROBOT, [int(clock.now) & 0xFFFF, Robot.RUNNING, 0, *split(old.header.id)])
+    if again == "begin":
+        begin(device, table)
+    elif again == "page":
+        page(device, table, 1)
+    else:
+        refused(Refusal.BUSY, Result.ROBOT_RUNNING, device, commit, table)
+    clock.now += 4.9
+    refused(Refusal.BUSY, Result.OTHER_WRITER, device, begin, other)
+    clock.now += 0.1
+    begin(device, other)
+    refused(Refusal.SEQUENCE, Result.SEQUENCE, device, commit, table)
+
+
+@pytest.mark.parametrize(("address", "count", "there"), [
+    (at.ROBOT, 6, True), (at.ROBOT + 5, 1, True), (at.ROBOT, 7, False), (at.ROBOT + 5, 2, False), (at.ROBOT - 1, 2, False)])
+def test_the_robot_writes_its_own_registers_alone(address: int, count: int, there: bool) -> None:
+    device = offset_device()
+    before = device.read(at.ROBOT, 6)
+    values = list(range(1, count + 1))
+    if there:
+        device.write(address, values)
+        assert device.read(address, count) == values
+    else:
+        refused(Refusal.ADDRESS, Result.NONE, device, lambda device: device.write(address, values))
+        assert device.read(at.ROBOT, 6) == before
+
+
+def test_a_robot_whose_heartbeat_never_changed_is_not_running() -> None:
+    """Registers that say so are left from before."""
+    device, table = offset_device(), random_table(1)
+    device.write(at.ROBOT + 1, [Robot.RUNNING])
+    load(device, table)
+    assert device.active is not None
+    device.write(at.ROBOT, [1])
+    with pytest.raises(RefusedWrite, match="ROBOT_RUNNING"):
+        load(device, random_table(2))

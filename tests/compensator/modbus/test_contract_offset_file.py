@@ -56,3 +56,11 @@ def test_where_no_target_was_added_nothing_is_told(tmp_path: Path) -> None:
     read = read_offsets(written(tmp_path, {}), reach_mm=10.0)
     assert [one.code for one in read.findings] == ["CS5007"]
     np.testing.assert_array_equal(read.micrometres, [[round(1e3 * x), 0, 0] for x in ALONG])
+
+
+def test_of_the_columns_that_are_not_read_those_are_told_that_may_be_misspelt(tmp_path: Path) -> None:
+    """Others are of no interest to who pushes: `correct` writes some."""
+    file = tmp_path / "offsets.csv"
+    file.write_text("target,ox_mm,oy_mm,oz_mm,orx_degs,length_um\n0,0.1,0,0,1,100\n")
+    told = [(one.code, one.level, one.message) for one in read_offsets(file, reach_mm=10.0).findings if one.code == "CS0204"]
+    assert told == [("CS0204", "warning", "column 'orx_degs' is not read; is 'orx_deg' meant?")]

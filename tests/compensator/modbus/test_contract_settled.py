@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
+from compensator.modbus import link as link_module
 from compensator.modbus import registers as at
-from compensator.modbus.link import ExceptionReply, LinkLost
+from compensator.modbus.link import Address, ExceptionReply, Link, LinkLost
 from compensator.modbus.registers import Command, Refusal, Result
-from compensator.modbus.transfer import ROUNDS, identify, push_table
+from compensator.modbus.transfer import identify, push_table, read_table
 from compensator.modbus.windows import push_windows
 from compensator.modbus.wire import EMPTY, HEADER_REGISTERS, PAGE_ROWS, Header, OffsetTable
 from identification.common.findings import CompstiffError, Refused, Unconfirmed
 from tests.compensator.modbus import tables_and_devices as kit
+from tests.support import free_port
 
 OURS, OLDER, FOREIGN = (kit.random_table(seed) for seed in (1, 2, 3))
 
@@ -62,13 +65,14 @@ def is_commit(address: int, values: list[int]) -> bool:
 
 @pytest.mark.parametrize("before", [OLDER.header, EMPTY])
 def test_a_cell_that_always_loses_its_place_is_given_up_and_the_transfer_withdrawn(before: Header) -> None:
+    """After five times, as docs/modbus.md has it."""
     link = Scripted(before, lambda address, values: ExceptionReply(Refusal.SEQUENCE)
                     if address == at.COMMAND and values[0] == Command.BEGIN else None)
     code, finding, message = stopped(link)
     assert (code, finding) == (4, "CS5012")
-    assert f"the transfer lost its place {ROUNDS} times" in message
+    assert "the transfer lost its place 5 times" in message
     assert message.endswith("old table active (read back)" + ("" if before else ": none"))
-    assert link.written == [(at.COMMAND, Command.BEGIN)] * ROUNDS + [(at.COMMAND, Command.ABORT)]
+    assert link.written == [(at.COMMAND, Command.BEGIN)] * 5 + [(at.COMMAND, Command.ABORT)]
 
 
 @pytest.mark.parametrize(("at_commit", "windows", "said"), [
@@ -165,6 +169,34 @@ def test_a_device_without_these_registers_is_another_and_a_busy_one_is_not(code:
     with pytest.raises(Refused if other_device else ExceptionReply) as raised:
         identify(link, kit.ROBOT)
     assert not other_device or [one.code for one in raised.value.findings] == ["CS5010"]
+
+
+@pytest.mark.parametrize("changes", [4, 5])
+def test_a_table_that_another_one_replaces_at_every_read_is_given_up_after_five(changes: int) -> None:
+    """Rows of one table under the header of another are never handed out; then there is none."""
+    headers = [kit.random_table(seed).header for seed in range(changes + 1)]
+    asked: list[int] = []
+
+    def read(self: object, address: int, count: int) -> list[int]:
+        if address != at.ACTIVE:
+            return OURS.registers.ravel().tolist()
+        asked.append(address)
+        return headers[min(len(asked) // 2, changes)].registers()
+
+    found = read_table(cast(Link, type("Changing", (), {"read": read})()))
+    if changes == 4:
+        assert (found.header, found.registers.tolist()) == (headers[-1], OURS.registers.tolist())
+    else:
+        assert (found.header, len(found.registers)) == (EMPTY, 0)
+
+
+def test_who_does_not_answer_is_asked_again_after_ever_longer_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As often as the cell's retries say."""
+    waited: list[float] = []
+    monkeypatch.setattr(link_module.time, "sleep", waited.append)
+    with Link(Address("127.0.0.1", free_port(), 1, 1.0, 3)) as link, pytest.raises(LinkLost):
+        link.read(at.ACTIVE, 1)
+    assert waited == pytest.approx(link_module.FIRST_PAUSE_S * np.array([1, 2, 4]))
 
 
 @pytest.mark.parametrize(("lost", "code", "said"), [

@@ -61,7 +61,8 @@ def test_dry_run_then_the_file_then_the_module(controller, cell, tmp_path):
     assert controller.files["HOME/part_corrected-0123456789.mod"] == b"an earlier upload"
 
     log = [json.loads(line) for line in (tmp_path / "upload-log.jsonl").read_text().splitlines()]
-    assert [line["result"].split(",")[0] for line in log] == ["started", "uploaded", "started", "already there"]
+    assert [(line["result"].split(",")[0], line.get("exit_code")) for line in log] == [
+        ("started", None), ("uploaded", 0), ("started", None), ("already there", 0)]
     assert all(line["sha256"] == done.document["result"]["sha256"] and line["user"] and line["time"] for line in log)
 
 
@@ -399,6 +400,20 @@ def test_the_record_is_held_against_the_module(controller, cell, tmp_path):
     assert "was corrected for the robot 'irb140', the cell has '" in refused.message
     plain = kit.write_module(tmp_path, "c.mod", record=False)
     assert (kit.call(cell, plain, "--apply").code, kit.call(cell, plain).codes) == (0, ["CS6102"])
+
+
+def test_a_name_that_belongs_to_another_file_is_told_before_anything_is_sent(controller, cell, tmp_path):
+    """Whatever it is called; the same content is there already."""
+    file = kit.write_module(tmp_path)
+    controller.files["HOME/other.mod"] = b"another's"
+    for arguments in ((), ("--apply",)):
+        taken = kit.call(cell, file, "--name", "other.mod", *arguments)
+        assert (taken.code, taken.codes) == (3, ["CS6111"])
+        assert "the controller has another file HOME/other.mod already, 9 bytes" in taken.message
+    assert controller.files == {"HOME/other.mod": b"another's"}
+    controller.files["HOME/other.mod"] = file.read_bytes()
+    there = kit.call(cell, file, "--name", "other.mod").document["result"]
+    assert (there["already_there"], [one["file"] for one in there["there"]]) == (True, ["other.mod"])
 
 
 def test_a_name_that_was_taken_since_the_look_is_not_written_over(controller, cell, tmp_path):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 
 import pytest
 
 from compensator.upload.local_module import check_name, read_module
-from identification.common.findings import CompstiffError
+from identification.common.findings import CompstiffError, Refused
 from tests.compensator.upload import kit
 from tests.compensator.upload.emulator import Emulator, RobotController
 
@@ -71,8 +72,6 @@ ENDMODULE
 
 
 def test_parts_that_are_loaded_at_run_time_must_have_the_names_they_are_loaded_by(tmp_path: Path) -> None:
-    import json
-
     main = kit.write_module(tmp_path, "big.mod", MAIN)
     part = kit.write_module(tmp_path, "big_001.mod", kit.module_text("big_001"), record=False)
     record = json.loads((tmp_path / "big.mod.json").read_text())
@@ -164,3 +163,64 @@ def test_a_dry_run_says_what_is_there_among_files_of_the_program(tmp_path: Path)
         assert (len(result["there"]), result["already_there"], result["applied"], result["results"]) == (there, same, False, [])
     assert (taken.code, taken.codes) == (3, ["CS6111"])
     assert f"has another file {path} already, {len(file.read_bytes()) + 1} bytes; the new file is not there" in taken.message
+
+
+def split_in(folder: Path, **changed: object) -> tuple[Path, list[Path]]:
+    """A corrected program in two parts with its one record, of which entries were changed."""
+    main = kit.write_module(folder, "big.mod", MAIN)
+    parts = [kit.write_module(folder, f"big_00{k}.mod", kit.module_text(f"big_00{k}"), record=False) for k in (1, 2)]
+    record = json.loads((folder / "big.mod.json").read_text())
+    record["parts"] = [{"file": part.name, "sha256": hashlib.sha256(part.read_bytes()).hexdigest()} for part in parts]
+    (folder / "big.mod.json").write_text(json.dumps(record | changed))
+    return main, parts
+
+
+def test_a_part_is_held_against_what_the_record_says_of_it_and_not_of_another(tmp_path: Path) -> None:
+    """Copied over one another, the second part would be milled in place of the first."""
+    main, (one, two) = split_in(tmp_path)
+    for file in (main, one, two):
+        assert [finding.code for finding in read_module(file, kit.ROBOT).findings] == []
+    one.write_bytes(two.read_bytes())
+    with pytest.raises(Refused) as stopped:
+        read_module(one, kit.ROBOT)
+    (found,) = stopped.value.findings
+    assert (found.code, found.file, found.message) == (
+        "CS6101", str(one), "is not what its record big.mod.json says: it was changed since it was corrected")
+    (warned,) = read_module(one, kit.ROBOT, changed=True).findings
+    assert (warned.code, warned.level, warned.hint) == ("CS6101", "warning", "")
+    # Under another name with its record it is what it was.
+    renamed = tmp_path / "shaft.mod"
+    main.rename(renamed)
+    (tmp_path / "big.mod.json").rename(tmp_path / "shaft.mod.json")
+    assert read_module(renamed, kit.ROBOT).findings == ()
+
+
+@pytest.mark.parametrize(("main", "said"), [
+    ("big.mod", True), ("./big.mod", False), (None, False), (7, False), ("gone.mod", False), ("big_001.mod", False)])
+def test_by_what_name_a_part_is_loaded_is_read_in_its_main_module(tmp_path: Path, main: object, said: bool) -> None:
+    """Which lies beside it, by the record; a record that names none, or a path, tells nothing."""
+    entry = {"file": main, "sha256": hashlib.sha256(MAIN).hexdigest()}
+    _, (part, _) = split_in(tmp_path, output={} if main is None else entry)
+    found = read_module(part, kit.ROBOT).loads("HOME/milling", "part-1.mod")
+    assert [(one.code, one.level, one.file, one.message, one.hint) for one in found] == ([(
+        "CS6125", "warning", str(part), "big.mod loads it as HOME/big_001.mod at run time, and here it would be "
+        "HOME/milling/part-1.mod", "--name big_001.mod, and controller.folder HOME")] if said else [])
+    assert read_module(part, kit.ROBOT).loads("home", "BIG_001.mod") == ()      # the controller tells no capitals
+
+
+def test_a_record_that_says_little_is_told_as_far_as_it_says_it(tmp_path: Path) -> None:
+    file = kit.write_module(tmp_path)
+    record = tmp_path / f"{file.name}.json"
+    whole = json.loads(record.read_text())
+    record.write_text(json.dumps(whole | {"stiffness": None, "forces": "none", "summary": {"corrected": 3, "offset_mm": 7}}))
+    module = read_module(file, kit.ROBOT)
+    assert module.lines()[1:] == ["record: corrected from input.x, cell.x"]
+    shown = module.as_dict()
+    assert (shown["file"], shown["module"], shown["bytes"]) == (str(file), "Insert", len(file.read_bytes()))
+    assert shown["record"] == {"input": "input.x", "stiffness": None, "forces": None, "cell": "cell.x", "robot": kit.ROBOT,
+                               "compstiff": None, "targets": None, "corrected": 3, "largest_offset_mm": None}
+    for text in ("[]", "{}", json.dumps(whole | {"format": "another"}), json.dumps(whole | {"output": []}), "[" * 100_000):
+        record.write_text(text)
+        found = read_module(file, kit.ROBOT)
+        assert ([one.code for one in found.findings], found.record, found.as_dict()["record"]) == (["CS6102"], None, None)
+        assert len(found.lines()) == 1

@@ -187,3 +187,15 @@ def test_states_are_their_words_and_numbers() -> None:
             json_states(half.encode())
     with pytest.raises(Lost):
         xhtml_states(page.removesuffix("</html>").encode())
+
+
+@pytest.mark.parametrize(("length", "read"), [(1900, True), (4100, False)])
+def test_a_tag_of_over_two_kilobytes_is_none_of_a_controller_s(length: int, read: bool) -> None:
+    """Where it stands in the page is no matter."""
+    for before in (0, 1500, 3000):
+        page = f'<html><!--{"x" * before}--><ul><li class="a" title="{"t" * length}"><span class="b">c</span></li></ul></html>'
+        if read:
+            assert xhtml_states(page.encode()) == [{"_type": "a", "_title": "t" * length, "b": "c"}]
+            continue
+        with pytest.raises(Lost, match="a tag that does not end"):
+            xhtml_states(page.encode())

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
+import dask
 import pytest
 from distributed import Client
 
 from compstiff.batch import cluster
-from compstiff.batch.cluster import _is_tls, checked, standing
+from compstiff.batch.cluster import _is_tls, checked, connected, standing
 from compstiff.batch.programs import Shared
 from identification.common.findings import CompstiffError
 
@@ -101,6 +102,25 @@ def test_a_worker_that_sees_other_files_or_has_threads_is_named(shared: Shared) 
         asked(shared, Workers(sound(shared), {}))
     missing = standing(shared.cell / "none")["files"]
     assert list(missing.values()) == ["Not a directory"]
+
+
+class Gone(Workers):
+    """All lost right after they answered."""
+
+    def nthreads(self) -> dict[str, int]:
+        return {}
+
+
+def test_workers_that_are_gone_again_are_waited_for_with_one_program(shared: Shared) -> None:
+    """What is handed out to none would never be done."""
+    assert asked(shared, Gone(sound(shared))) == 1
+
+
+@pytest.mark.parametrize("there", [(), ("ca-file",), ("client.cert",)])
+def test_over_tls_both_the_authority_and_a_certificate_are_asked_for(there: tuple[str, ...]) -> None:
+    names = {f"distributed.comm.tls.{name}": f"{name}.pem" if name in there else None for name in ("ca-file", "client.cert")}
+    with dask.config.set(names), pytest.raises(CompstiffError, match="CS6041: needs certificates"), connected("tls://pc:8786"):
+        pass
 
 
 @pytest.mark.parametrize(("lost", "stays"), [(0, True), (4, True), (5, False)])
