@@ -29,7 +29,8 @@ def steps(seed: int = 4, **changed: Any) -> Any:
     rng = np.random.default_rng(seed)
     target = np.sort(rng.permutation(np.arange(STEPS) % 4))
     point = rng.normal(size=(STEPS + 1, 3))
-    track = Track(point[:-1], point[1:], np.linspace(0.5, STEPS - 0.5, STEPS), rng.uniform(0.2e-3, 0.5e-3, STEPS), target, target + 1,
+    place = np.linspace(0.5, STEPS - 0.5, STEPS)
+    track = Track(point[:-1], point[1:], place, rng.uniform(0.2e-3, 0.5e-3, STEPS), target, target + 1,
                   changed.get("chip", rng.uniform(4e-5, 9e-5, STEPS)), np.zeros(STEPS, dtype=bool), np.zeros((STEPS, 3)))
     engaged = Engagement(rng.normal(size=(STEPS, 3, 6)), rng.uniform(-1.5, -0.2, STEPS), rng.uniform(-0.1, 1.5, STEPS),
                          changed.get("depth", rng.uniform(1e-3, 3e-3, STEPS)), rng.uniform(1e-3, 9e-3, STEPS),
