@@ -214,3 +214,11 @@ def test_what_a_correction_was_worth_is_asked_of_its_offsets_and_of_a_scale_that
         assert "what --offsets writes" not in named.words
         assert "(part.offsets.csv: what --offsets writes):" in unnamed.words
         assert "--predicted part.offsets.csv" in unnamed.command
+
+
+def test_of_a_program_without_a_corrected_target_nothing_is_left() -> None:
+    """As where zones alone were made smaller."""
+    job = corrected()
+    job.left.std = np.empty(0)
+    assert shown(job)[1] == ("expected on the part, corrected", "0", "µm", "2 sigma, RMS; 0 µm at the worst place")
+    assert len(shown(job)) == 3
