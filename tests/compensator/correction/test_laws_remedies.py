@@ -14,6 +14,7 @@ from compensator.correction import remedies as of_remedies
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.cutting_prior import WIDTH
 from compensator.correction.files import Inputs, predict_files
+from compensator.correction.logged_pass import known_by_force
 from compensator.correction.settings import Estimate, Settings
 from identification.common.arrays import rms
 from tests.compensator.correction.test_contract_told import sideways
@@ -103,7 +104,7 @@ def test_the_next_pass_stands_off_by_what_this_one_leaves(made: Callable[..., Co
 def test_a_known_cut_is_worth_what_a_stated_stiffness_is(made: Callable[..., Corrected]) -> None:
     """Of a cut that climbs everywhere: what the middle push tells at the depth that is taken, and a table's width of it."""
     now = made(force=CLIMBS, scatter=0.0)
-    known = of_remedies.known_by_force(now.predicted)
+    known = known_by_force(now.predicted)
     assert known is not None
     std = known.value * float(np.sqrt(np.exp(WIDTH**2) - 1))
     stated = made(force=CLIMBS, scatter=0.0, cutting_stiffness=Estimate(known.value, std))
