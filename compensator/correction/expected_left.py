@@ -195,7 +195,7 @@ def _between(predicted: Predicted, kept: Indices, known: Foreseen, between: Betw
     path, settings = predicted.path, predicted.settings.correction
     spacing = spacing_of(path.toolpath, settings.min_spacing.length, settings.min_spacing.time)
     # The move as given that each target of the program ends, or lies in, and how long that is.
-    owner = np.minimum(np.searchsorted(kept, np.arange(len(path.toolpath))), len(kept) - 1)
+    owner = np.searchsorted(kept, np.arange(len(path.toolpath)))
     step = np.diff(path.length[kept], prepend=np.nan)[owner]
     nothing = np.where(step >= 2 * FULL * spacing, 0.5 * settings.tolerance / np.sqrt(3.0), np.inf)
     square = np.minimum(known.bent, nothing) ** 2

@@ -131,8 +131,12 @@ class Settings:
         """What `correct` needs to read the log, the stiffness and the cut as here, as words of the command line."""
         scale, options = self.correction.scale, self.log_options()
         options += ["--scale", f"{scale.value:g}" + (f":{scale.std:g}" if scale.std else "")] if scale != EXACTLY_ONE else []
+        stiffness = self.correction.cutting_stiffness
+        options += ["--cutting-stiffness", f"{1e-3 * stiffness.value:g}:{1e-3 * stiffness.std:g}"] if stiffness else []
         for name, depth in (("--depth-of-cut", self.correction.depth_of_cut), ("--slot-depth", self.correction.slot_depth)):
             options += [name, f"{1e3 * depth:g}"] if depth is not None else []
+        for name, file in (("--logged-with", self.correction.logged_with), ("--first-forces", self.correction.first_forces)):
+            options += [name, str(file)] if file is not None else []
         options += ["--accept-rejected"] if self.correction.accept_rejected else []
         options += ["--predict-force", str(self.cutting.predict_force)] if self.cutting.predict_force else []
         options += ["--stock", str(self.cutting.stock)] if self.cutting.stock else []

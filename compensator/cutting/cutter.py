@@ -54,7 +54,7 @@ class Cutter:
 
     def words(self) -> str:
         """For people."""
-        kind = "flat" if not self.corner else "ball" if self.corner == self.radius else f"bull-nose R{1e3 * self.corner:g}"
+        kind = "flat" if not self.corner else "ball" if self.ball else f"bull-nose R{1e3 * self.corner:g}"
         return f"{kind} end mill, diameter {2e3 * self.radius:g} mm, {self.teeth} teeth"
 
 

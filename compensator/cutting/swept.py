@@ -134,10 +134,10 @@ def _take(material: Material, layers: NDArray[np.intp], radius: Array, first: Ar
     low, high = np.minimum(first, last), np.maximum(first, last)
     # Beyond the cutter too: the edge's distance is wanted on both sides of it.
     reach = radius.max() / (1.0 if axis is None else axis[2]) + 2 * stock.cell
-    i0, i1 = (int(np.clip(v, 0, nx)) for v in ((low[0] - reach - stock.origin[0]) // stock.cell,
-                                               (high[0] + reach - stock.origin[0]) // stock.cell + 2))
-    j0, j1 = (int(np.clip(v, 0, ny)) for v in ((low[1] - reach - stock.origin[1]) // stock.cell,
-                                               (high[1] + reach - stock.origin[1]) // stock.cell + 2))
+    i0, i1 = (int(np.clip(v, 0, nx)) for v in ((low[0] - reach - stock.origin[0]) / stock.cell,
+                                               (high[0] + reach - stock.origin[0]) / stock.cell + 2))
+    j0, j1 = (int(np.clip(v, 0, ny)) for v in ((low[1] - reach - stock.origin[1]) / stock.cell,
+                                               (high[1] + reach - stock.origin[1]) / stock.cell + 2))
     if i0 >= i1 or j0 >= j1:
         return
     x = stock.origin[0] + stock.cell * np.arange(i0, i1)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from compensator.correction import prediction
+from compensator.correction.predict import largest_and_rms
 from compensator.correction.prediction import Prediction
 from identification.common.findings import CompstiffError, Finding
 from identification.model.rotations import Frame
@@ -113,3 +114,8 @@ def test_what_nobody_measured_is_not_known(learned: bool) -> None:
     np.testing.assert_allclose(one.known, covariance - learned * unseen)
     np.testing.assert_allclose(one.std, [[3, 2, 1]] * 2)
     np.testing.assert_allclose(one.at_rest_std, [[6, 4, 2]] * 2)
+
+
+@pytest.mark.parametrize(("values", "largest", "mean"), [([], 0.0, 0.0), ([3.0, 4.0], 4.0, 12.5**0.5), ([2.0], 2.0, 2.0)])
+def test_figures_of_no_target_are_nothing(values: list[float], largest: float, mean: float) -> None:
+    assert largest_and_rms(np.array(values)) == pytest.approx({"largest": largest, "rms": mean})

@@ -40,6 +40,16 @@ def test_a_smooth_deviation_leaves_what_straight_lines_leave_of_it(spacing: floa
     assert not turned.any()
 
 
+def test_a_bend_at_a_target_is_one_of_the_moves_on_either_side_of_it() -> None:
+    """At the fifth of ten targets 0.5 mm apart the deviation begins to grow by 20 um a millimetre, square to the way: a second
+    derivative of that by 0.5 mm, there alone; its parabola over half a millimetre is off a line by c h^2 / sqrt(120)."""
+    place = 0.5e-3 * np.arange(10)
+    grows = np.column_stack([0 * place, 20e-3 * np.maximum(place - place[4], 0.0), 0 * place])
+    found, turned = between(np.column_stack([place, 0 * place, 0 * place]), grows)
+    assert 1e6 * found == pytest.approx(np.where(np.isin(np.arange(10), [4, 5]), 20 * 0.5 / np.sqrt(120), 0.0), abs=1e-9)
+    assert not turned.any()
+
+
 def test_a_force_that_begins_anywhere_on_a_move() -> None:
     """80 um from somewhere on the move on, drawn; the written line goes from none to all."""
     place = np.arange(10) * 0.4e-3

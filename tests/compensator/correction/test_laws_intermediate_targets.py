@@ -296,6 +296,82 @@ def test_a_force_that_fades_into_the_scatter_is_no_touch(scatter: float, air: fl
     assert air_beside(looked_at, np.array([4])) == pytest.approx([air])
 
 
+def beside_air(at: list[int], number: list[int], air: np.ndarray, place: np.ndarray, asks: np.ndarray, yields: np.ndarray,
+               noise: np.ndarray, target: int, corrected: np.ndarray) -> float:
+    """What `air_beside` says of one target of the program, walking from its neighbours in the air point by point."""
+    k, shares = number.index(target), [0.0]
+    for other in (k - 1, k + 1):
+        if not 0 <= other < len(at) or abs(number[other] - target) != 1 or number[other] in corrected or not air[at[other]]:
+            continue
+        step = 1 if other < k else -1
+        point = at[other]
+        while point + step != at[k] and air[point + step]:
+            point += step
+        share = abs(place[point] - place[at[other]]) / abs(place[at[k]] - place[at[other]])
+        may = any(asks[one] for one in range(at[other] + step, at[k], step))
+        if (may or share > 0.5) and share * yields[at[k]] > 3 * noise[point]:
+            shares.append(share)
+    return max(shares)
+
+
+def test_the_air_beside_a_target_is_what_a_walk_from_its_neighbour_finds() -> None:
+    """On either side, where that neighbour is the program's next, stands in the air and is not corrected; 200 programs."""
+    rng, found = np.random.default_rng(12), []
+    for _ in range(200):
+        points, at = 60, [0, *np.sort(rng.choice(np.arange(1, 59), 9, replace=False)).tolist(), 59]
+        number = (3 + np.arange(11) + np.cumsum(rng.random(11) < 0.2)).tolist()
+        air = np.repeat(rng.random(20) < 0.6, 3)
+        samples = np.where(rng.random(points) < 0.1, 0, 4)
+        place, noise, yields = np.cumsum(rng.uniform(0.2e-3, 1e-3, points)), rng.uniform(0, 6e-5, points), np.zeros(points)
+        targets = np.sort(rng.choice(points, 50, replace=False))
+        deviation = rng.normal(0, 1e-4, (50, 3))
+        yields[targets] = np.linalg.norm(deviation, axis=1)
+        crowded, divisible = np.repeat(rng.random((2, 6)) < 0.25, 10, axis=1)
+        fine = SimpleNamespace(
+            forces=SimpleNamespace(forced=~air, samples=samples), path=SimpleNamespace(length=place), targets=targets,
+            prediction=SimpleNamespace(position=deviation))
+        one: Any = SimpleNamespace(at=np.array(at), number=np.array(number), fine=fine, noise=noise,
+                                   grid=SimpleNamespace(crowded=crowded, divisible=divisible))
+        corrected = np.array([one for one in number if rng.random() < 0.5], dtype=int)
+        expected = [beside_air(at, number, air & (samples > 0), place, crowded | divisible, yields, noise, target, corrected)
+                    for target in corrected.tolist()]
+        assert air_beside(one, corrected) == pytest.approx(expected, abs=1e-12)
+        found += expected
+    assert 0.05 < np.mean(np.array(found) > 0) < 0.6
+    assert not air_beside(None, np.arange(4)).any()
+
+
+def test_what_is_left_between_targets_is_how_far_the_driven_tool_is_off(tmp_path: Path) -> None:
+    """Three targets with none between them, driven by the independent arm under a force that varies all the way: the largest
+    of all places, as it is told, and the mean square of either move."""
+    path, job_of = Path3(LINES[:3]), np.arange(0, 120.05, 0.1)
+    push = np.column_stack([50 + 0 * job_of, 150 + 100 * np.sin(job_of / 25), -80 + 0 * job_of])
+    job = Job(tmp_path, program=path.program(), forces="path_mm,fx_n,fy_n,fz_n\n" + "".join(
+        f"{a:.3f},{f[0]:.5f},{f[1]:.5f},{f[2]:.5f}\n" for a, f in zip(job_of, push, strict=True)))
+    job.write()
+    files = (tmp_path / name for name in ("cell.yaml", "part.mod", "stiffness.json", "forces.csv"))
+    made = correct(predict_files(Inputs(*files), Settings.of(keep_targets=True)))
+    written, start, end, q = kit.targets_of(made.content.decode()), path.frames[0].p, path.frames[2].p, path.q[0]
+    off: list[list[float]] = [[], []]
+    for move, (first, last) in enumerate(itertools.pairwise(written)):
+        for share in np.linspace(0.005, 0.995, 25):
+            command = between(first, last, share)
+            s = 1e3 * distance_from_line(command.p, start, end)[1]
+            wrench = np.array([50, 150 + 100 * np.sin(s / 25), -80, 0, 0, 0])
+            point, q = off_plan(command, q, wrench)
+            off[move].append(distance_from_line(point, start, end)[0])
+    found = made.between
+    assert found is not None
+    assert found.left.max() == pytest.approx(max(max(one) for one in off), rel=0.02)
+    for move in (0, 1):
+        seen = found.owner == move + 1
+        assert np.sqrt(np.mean(found.left[seen] ** 2)) == pytest.approx(np.sqrt(np.mean(np.square(off[move]))), rel=0.03)
+        assert np.sqrt(np.mean(found.square[seen])) == pytest.approx(np.sqrt(np.mean(np.square(off[move]))), rel=0.03)
+    np.testing.assert_array_equal(found.piece, found.owner)
+    (told,) = (one.message for one in made.findings if one.code == "CS3091")
+    assert f"up to {1e6 * found.left.max():.1f} um off the plan in 2 moves" in told
+
+
 def test_the_tare_names_targets_of_the_program_given(tmp_path: Path) -> None:
     """The sensor's bias is taken from the air behind a cut that begins at once, with intermediate targets in between."""
     path, written = Path3(LINES), []

@@ -94,12 +94,18 @@ def test_flat_faces_are_levels_and_upright_walls_need_no_layers(tmp_path: Path) 
         [-20, -7, -4, 0], abs=3e-3)
 
 
+@pytest.mark.parametrize("back", [False, True])
 @pytest.mark.parametrize(("moved_mm", "away"), [
-    ((0, 0, 0), False), ((140, 0, 0), True), ((-140, 0, 0), True), ((0, 100, 0), True), ((0, -100, 0), True),
-    ((0, 0, -30), True), ((120, 0, 0), False), ((0, -45, 0), False)])
-def test_a_blank_beside_the_program_is_refused_on_every_side(tmp_path: Path, moved_mm: tuple[float, ...], away: bool) -> None:
-    """A way of 120 mm along the middle, 4 mm deep, with a cutter of 16 mm: the blank reaches as far as 60 and 40 mm."""
-    track = track_along(np.array([[-60.0, 0.0, -4.0], [60.0, 0.0, -4.0]]), 0.1, 0.5)
+    ((0, 0, 0), False), ((127, 0, 0), False), ((129, 0, 0), True), ((-127, 0, 0), False), ((-129, 0, 0), True),
+    ((0, 46, 0), False), ((0, 48, 0), True), ((0, -51, 0), False), ((0, -53, 0), True), ((0, 0, -3.9), False),
+    ((0, 0, -4.1), True), ((0, 0, 30), False)])
+def test_a_blank_beside_the_program_is_refused_on_every_side(
+    tmp_path: Path, moved_mm: tuple[float, ...], away: bool, back: bool
+) -> None:
+    """A way of 120 mm in one step, from y -4 to -1, 1 to 4 mm deep, with a cutter of 16 mm: the blank reaches as far as 60 and
+    40 mm, up to z 0."""
+    way = np.array([[-60.0, -4.0, -1.0], [60.0, -1.0, -4.0]])
+    track = track_along(way[::-1] if back else way, 0.1, 200.0)
     blank = read_stock(stock_of(tmp_path, binary(FACES + np.array(moved_mm, dtype=float))))
     with pytest.raises(CompstiffError, match="CS4715") if away else nullcontext():
         _check_near(blank, track, FLAT)
@@ -115,3 +121,12 @@ def test_a_blank_has_sides_of_half_a_millimetre_to_ten_metres(tmp_path: Path, si
         return
     with pytest.raises(CompstiffError, match=f"CS4714: {re.escape(words)}"):
         read_stock(file)
+
+
+@pytest.mark.parametrize("corners", [(0, 0, 1), (0, 1, 1), (0, 1, 0), (0, 0, 0)])
+def test_a_triangle_without_an_area_is_left_out(tmp_path: Path, corners: tuple[int, ...]) -> None:
+    """Two of its corners are one, whichever: the rest is the same block."""
+    needle = FACES[3][list(corners)]
+    solid = read_solid(stock_of(tmp_path, binary(np.concatenate([FACES, needle[None]]))).parent / "blank.stl", 1e-3)
+    assert len(solid.corner) == len(FACES)
+    assert 1e3 * solid.bounds == pytest.approx(np.array([[-60, -40, -20], [60, 40, 0]]))
