@@ -174,6 +174,10 @@ def test_the_program_drives_to_the_planned_poses(written):
     assert max(map(len, prompts)) <= 80
     assert sum("write down" in prompt for prompt in prompts) == len(plan)
     assert text.isascii()
+    labels = list(dict.fromkeys(plan.pose))
+    assert re.findall(r"! (.* of .*)", text)[-RUNS:] == [f"{k} of {RUNS}: {label}" for k, label in enumerate(labels, 1)]
+    assert [prompt for prompt in prompts if "way to the pose clear" in prompt] == [
+        f"{label} ({k} of {RUNS}): way to the pose clear?" for k, label in enumerate(labels, 1)]
     check = pytest.importorskip("rapidchecker.check", reason="rapidchecker is not installed: no independent grammar")
     assert check.check_format(text.split("%%%")[2].lstrip()) == []
 
@@ -609,6 +613,23 @@ def test_every_axis_is_advised_where_it_can_be_taken(little: DesignPlan, axes, s
         little.design, task=replace(task, domain=replace(task.domain, slots=slots))))
     (told,) = [line for line in plan.worth(tables=True) if line.startswith("most causes would stay without a name: --crit")]
     assert told.endswith("; --every-axis names more at each pose" if said else "in a --box")
+
+
+@pytest.mark.parametrize(("identifiable", "advised"), [(1, True), (2, False), (3, False)])
+def test_a_plan_that_names_under_half_of_the_causes_advises_the_criterion_for_them(
+    little: DesignPlan, identifiable: int, advised: bool) -> None:
+    """Of four. Beside tables, which have the causes that are not told apart, these are counted and not listed."""
+    causes = tuple(SimpleNamespace(grade="identifiable" if k < identifiable else "detectable", alike=("creep",),
+                                   entry=SimpleNamespace(label=f"c{k}")) for k in range(4))
+    plan = replace(little, forecast=replace(FORECAST, causes=causes))
+    counted = f"of 4 possible causes at their typical size this plan names {identifiable}, only notices {4 - identifiable}"
+    for tables in (False, True):
+        told = plan.worth(tables=tables)
+        assert any(line.startswith("most causes would stay without a name: --criterion C") for line in told) is advised
+        (at,) = [k for k, line in enumerate(told) if line.startswith(counted)]
+        assert ("noticed at their typical size but not told apart:" in told) is not tables
+        assert told[at + 1].startswith("noticed at" if not tables else "most causes" if advised else "largest uncertainty")
+        assert any(line.startswith("k1  known ") for line in told) is not tables
 
 
 def test_one_run_is_no_runs(little: DesignPlan) -> None:
