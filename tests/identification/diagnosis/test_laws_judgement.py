@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from identification.diagnosis import judgement as room
-from identification.diagnosis.judgement import Judgement, Showing
+from identification.diagnosis.judgement import Judgement
+from identification.diagnosis.power import Showing
 from identification.fit.noise_parts import SetUp, VarianceComponents
 
 # Causes that fit nothing, by their labels.
