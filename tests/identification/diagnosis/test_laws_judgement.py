@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis import judgement as room
-from identification.diagnosis.judgement import Judgement
+from identification.diagnosis.judgement import Cause, Judgement
 from identification.diagnosis.power import Showing
 from identification.fit.noise_parts import SetUp, VarianceComponents
 
@@ -157,3 +157,10 @@ def test_parts_that_want_other_springs_are_those_that_do(monkeypatch: pytest.Mon
     every: list[Any] = [SimpleNamespace(is_conflict=k % 2 == 1) for k in range(4)]
     monkeypatch.setattr(room, "subset_conflicts", lambda fitted: every)
     assert answer("unknown").conflicts == (every[1], every[3])
+
+
+@pytest.mark.parametrize("open_laws", [{}, {"soft_zone": 0.3}])
+def test_a_cause_whose_law_is_open_is_told_by_what_its_laws_have_in_common(open_laws: dict[str, float]) -> None:
+    effect: Any = SimpleNamespace(law_family="gear {joint} gives way about no load", told=lambda joint: f"play in gear {joint}")
+    said = "gear 3 gives way about no load" if open_laws else "play in gear 3"
+    assert Cause(effect, 3, 0.9, open_laws).sentence == said

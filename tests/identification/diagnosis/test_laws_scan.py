@@ -219,20 +219,29 @@ def test_beside_a_law_of_a_gear_another_cause_explains_what_no_such_law_can(
     held(looked(world, monkeypatch, best), value, [3, 4, 5, *([7] if links else [])], before=4.5)
 
 
-def test_beside_a_structure_it_is_unsure_of_how_that_yields_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A base that rocks by less than 1.5 of each: its columns as they are. The laws of gear 2 are shared out beside it."""
+@pytest.mark.parametrize(("entries", "signatures"), [((3,), (5,)), ((3, 7), (5, 9)), ((7, 3), (9, 5))])
+def test_beside_a_structure_it_is_unsure_of_how_that_yields_otherwise(
+    monkeypatch: pytest.MonkeyPatch, entries: tuple[int, ...], signatures: tuple[int, ...]) -> None:
+    """Beside a base that rocks, and a hook: the columns of each as wide as it is large, 1.5 at least. The laws of gear 2 are
+    shared out beside them, by the rows that tell: a hook at its joint is no law of it."""
     world = World(2)
-    design = np.column_stack([flat(world.base.design), world.column(5)])
-    precision = np.zeros((5, 5))
-    precision[:2, :2], precision[2:, 2:] = world.base.precision, np.eye(3) / 1.5**2
+    columns = [world.column(s) for s in signatures]
+    design = np.column_stack([flat(world.base.design), *columns])
+    precision = np.eye(design.shape[1]) / 1.5**2
+    precision[:2, :2] = world.base.precision
     weighted = np.linalg.solve(world.covariance, design)
-    pull = weighted.T @ world.base.residual.ravel() + np.append(world.base.precision @ world.base.shift, np.zeros(3))
+    pull = weighted.T @ world.base.residual.ravel()
+    pull[:2] += world.base.precision @ world.base.shift
     size = np.linalg.solve(weighted.T @ design + precision, pull)[2:]
-    room = max(1.0, float(np.linalg.norm(size)) / 1.5)
-    column, ways = world.column(5), flat(world.ways) * size[-1]
-    covariance = world.plain() + (1.5 * room) ** 2 * column @ column.T + ways @ ways.T
-    value = world.looked_at(covariance)
-    held(looked(world, monkeypatch, Hypothesis((3,), (5,), -2.0)), value, [0, 1, 2, 4, 5, 7], before=-2.0)
+    covariance, place = world.plain(), 0
+    for s, column in zip(signatures, columns, strict=True):
+        own = size[place: place + column.shape[1]]
+        covariance += max(1.5, float(np.linalg.norm(own))) ** 2 * column @ column.T
+        if s == 5:
+            covariance += own[-1] ** 2 * flat(world.ways) @ flat(world.ways).T
+        place += column.shape[1]
+    found = looked(world, monkeypatch, Hypothesis(entries, signatures, -2.0))
+    held(found, world.looked_at(covariance), [k for k in OF_ENTRY if k not in entries], before=-2.0)
 
 
 def test_how_likely_sets_are_stays_a_number_however_far_apart_they_are() -> None:

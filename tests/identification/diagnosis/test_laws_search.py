@@ -25,6 +25,19 @@ def test_the_best_set_is_no_exchange_of_itself() -> None:
     assert set(found) == {other.key}
 
 
+def test_an_exchange_is_as_much_likelier_than_the_best_as_it_is_beside_what_both_have() -> None:
+    """And no exchange where it was taken for as likely before, or where nobody looked at what both have."""
+    best, rest = Hypothesis((0, 1), (0, 1), 12.0), Hypothesis((1,), (1,), 2.0)
+    beside = [Hypothesis((1, 0), (1, 0), 7.0), Hypothesis((1, 2), (1, 2), 8.5), Hypothesis((1, 3), (1, 3), 4.0)]
+    known = [Hypothesis((2, 1), (2, 1), 11.4), Hypothesis((3, 1), (3, 1), 9.1)]
+    grown = {each.key: each for each in (best, *known)}
+    found = _exchanged(grown, {rest.key: rest}, lambda smaller: beside if smaller is rest else [])
+    assert {key: (each.entries, each.log_evidence) for key, each in found.items()} == {frozenset({1, 2}): ((1, 2), 13.5)}
+    assert _exchanged(grown, {}, lambda smaller: beside) == {}
+    assert _exchanged({}, {rest.key: rest}, lambda smaller: beside) == {}
+    assert _exchanged(grown, {rest.key: rest}, lambda smaller: beside[1:]) == {}
+
+
 def test_what_each_visit_may_do_counts_once_a_visit_that_it_moves() -> None:
     """How many coefficients are free says how many readings are left to tell the noise by."""
     weights: Any = SimpleNamespace(freed=lambda moved: weights)
@@ -96,15 +109,18 @@ def test_without_a_weight_the_best_signature_of_the_same_law_is_taken(monkeypatc
     entries = (SimpleNamespace(signatures=range(3)), SimpleNamespace(signatures=range(3, 7)))
     dictionary: Any = SimpleNamespace(
         entries=entries, signatures=[SimpleNamespace(weight=weight) for weight in (0, 0, 0, 0, 40.0, 0, 60.0)],
-        unweighed=lambda entry: [k for k in entry.signatures if k in (0, 1, 2, 3, 5)], of=lambda k: np.zeros((2, 3, 1)),
+        unweighed=lambda entry: [k for k in entry.signatures if k in (0, 1, 2, 3, 5)], of=lambda k: np.full((2, 3, 1), k),
         part=lambda entries: None)
-    base: Any = SimpleNamespace(extended=lambda columns: base, weights=None)
+    beside: list[Any] = []
+    base: Any = SimpleNamespace(extended=lambda columns: beside.append(columns) or base, weights=None)
     monkeypatch.setattr(search, "own_grams", lambda *of: None)
     for evidence, best in (([1.0, 9.0, 2.0, 8.0], 5), ([3.0, 9.0, 2.0, 8.0], 3)):
         monkeypatch.setattr(search, "scores", lambda *of, known=evidence: SimpleNamespace(evidence=np.array(known)))
         found = Survey(base, dictionary, base, ()).unweighed(Hypothesis((0, 1), (1, 4), 5.0))
         assert found is not None
         assert found.signatures == (1, best)
+        assert [np.unique(columns).tolist() for columns in beside] == [[1]], "beside the others alone"
+        beside.clear()
     assert Survey(base, dictionary, base, ()).unweighed(Hypothesis((0, 1), (1, 5), 5.0)) is None
 
 
