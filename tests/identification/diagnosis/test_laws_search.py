@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -33,6 +34,9 @@ def test_an_exchange_is_as_much_likelier_than_the_best_as_it_is_beside_what_both
     grown = {each.key: each for each in (best, *known)}
     found = _exchanged(grown, {rest.key: rest}, lambda smaller: beside if smaller is rest else [])
     assert {key: (each.entries, each.log_evidence) for key, each in found.items()} == {frozenset({1, 2}): ((1, 2), 13.5)}
+    turned = replace(best, entries=(1, 0), signatures=(1, 0))
+    again = _exchanged({turned.key: turned}, {rest.key: rest}, lambda smaller: beside if smaller is rest else [])
+    assert {key: each.log_evidence for key, each in again.items()} == {frozenset({1, 2}): 13.5, frozenset({1, 3}): 9.0}
     assert _exchanged(grown, {}, lambda smaller: beside) == {}
     assert _exchanged({}, {rest.key: rest}, lambda smaller: beside) == {}
     assert _exchanged(grown, {rest.key: rest}, lambda smaller: beside[1:]) == {}

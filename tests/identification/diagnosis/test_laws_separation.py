@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from itertools import combinations
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from identification.diagnosis.discrimination import Separation, discriminating
+from identification.diagnosis.discrimination import Separation, discriminating, probing_rows
+from identification.model.robot import built_in_robots, read_robot
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 
@@ -60,3 +63,30 @@ def test_the_runs_are_those_that_leave_the_least_doubt_one_of_each_pose(count: i
         rest = [mistaken(squared[[*chosen[:place - 1], k]].sum(axis=0)) for k in chosen[place - 1:]]
         assert rest[0] == min(rest)
     assert float(found.mistaken(found.of(np.array(chosen)))) == pytest.approx(mistaken(squared[chosen].sum(axis=0)))
+
+
+def test_loads_that_are_looked_at_are_cycles_at_poses_well_inside_the_limits() -> None:
+    """Forty poses, each along all three base axes, up to the largest measured force, both ways and back; no joint beyond 0.6 of
+    its way to a limit, from zero or from the limit nearest to it. Held 10 s and 60 s in turn, each from its own zero on."""
+    robot = read_robot(built_in_robots()["irb6660-205-1.90"])
+    data: Any = SimpleNamespace(cell=SimpleNamespace(robot=robot), rows=SimpleNamespace(
+        wrench=np.array([[0, 0, 120.0, 900, 0, 0], [-250.0, 30, 0, 0, 0, 0]])))
+    rows = probing_rows(data)
+    theta, force = rows.theta.reshape(40, 3, 8, 6), rows.wrench.reshape(40, 3, 8, 6)
+    assert (theta == theta[:, :1, :1]).all()
+    assert len(np.unique(theta[:, 0, 0], axis=0)) == 40
+    middle = np.clip(0.0, *robot.limits.T)
+    poses = theta[:, 0, 0]
+    share = (poses - middle) / np.where(poses > middle, robot.limits[:, 1] - middle, middle - robot.limits[:, 0])
+    assert np.abs(share).max() <= 0.6
+    assert (np.ptp(share, axis=0) > 0.7).all()
+    assert (robot.limit_excess(theta[:, 0, 0]) == 0).all()
+    expected = np.zeros((3, 8, 6))
+    expected[np.arange(3), :, np.arange(3)] = [0, 82.5, 167.5, 250, 0, -125, -250, 0]
+    np.testing.assert_allclose(force, np.broadcast_to(expected, force.shape), atol=1e-9)
+    np.testing.assert_allclose(rows.time.reshape(120, 8), np.tile([0, 60, 70, 130, 140, 200, 210, 270], (120, 1)))
+    np.testing.assert_allclose(rows.dwell.reshape(120, 8), np.tile([10, 60], (120, 4)))
+    assert rows.visit.tolist() == rows.reference.tolist() == np.repeat(np.arange(120), 8).tolist()
+    assert not rows.validate.any()
+    assert set(rows.row) == {0}
+    np.testing.assert_array_equal(probing_rows(data).theta, rows.theta)
