@@ -13,6 +13,7 @@ from identification.design.comparison import Comparison
 from identification.design.discrimination import Discrimination
 from identification.design.forecast import Forecast
 from identification.design.loads import AXES
+from identification.design.milling import USUAL_FORCE_N
 from identification.design.program import RapidProgram, rapid_program
 from identification.design.request import Prepared
 from identification.design.search import Design
@@ -116,8 +117,8 @@ class DesignPlan:
             lines += [f"expected, starting from {self.prepared.before}:", *self.forecast.joint_lines()]
         prediction = self.prediction_std_um
         if prediction is not None:
-            lines.append(f"deflection along the program (per 100 N where no force log was given): uncertain by "
-                         f"{prediction[1]:.2g} um RMS, before {prediction[0]:.3g} um")
+            lines.append(f"deflection along the program (under {USUAL_FORCE_N:g} N along each base axis where no force log was "
+                         f"given): uncertain by {prediction[1]:.2g} um RMS, before {prediction[0]:.3g} um")
         causes = self.forecast.cause_lines(", with what was measured before," if self.further else "")
         lines += causes[:1] if tables else causes
         if self.aim is None and 2 * self.forecast.counts["identifiable"] < len(self.forecast.causes):

@@ -51,6 +51,9 @@ def _evenly(rows: Measurements) -> NDArray[np.bool_]:
     starts = np.flatnonzero(np.concatenate([[True], np.diff(rows.visit) != 0]))
     place = np.arange(len(rows)) - np.repeat(starts, np.diff([*starts, len(rows)]))
     change = np.sign(np.diff(rows.wrench[:, :3], axis=0))
+    # A load that is held for some rows goes on as it went before.
+    change = np.take_along_axis(change, np.maximum.accumulate(
+        np.where(change != 0, np.arange(len(change))[:, None], 0), axis=0), axis=0)
     turns = np.zeros(len(rows), dtype=bool)
     turns[1:-1] = np.any(change[1:] * change[:-1] < 0, axis=1)
     ends = np.zeros(len(rows), dtype=bool)

@@ -28,6 +28,7 @@ from identification.design.forecast import Forecast, JointForecast
 from identification.design.information import instrument
 from identification.design.kept_back import distances
 from identification.design.loads import slot
+from identification.design.milling import MillingPoses, assumed_force, prediction_weight
 from identification.design.order import imbalance, run_order, travel
 from identification.design.pages import design_report
 from identification.design.plan import DesignPlan
@@ -41,6 +42,7 @@ from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.compliance import compliance_matrix, deviation
 from identification.model.kinematics import chain, forward
+from identification.model.rotations import Frame
 from tests.identification.design.conftest import CELL
 from tests.support import write_cell
 
@@ -174,6 +176,10 @@ def test_the_program_drives_to_the_planned_poses(written):
     assert max(map(len, prompts)) <= 80
     assert sum("write down" in prompt for prompt in prompts) == len(plan)
     assert text.isascii()
+    labels = list(dict.fromkeys(plan.pose))
+    assert re.findall(r"! (.* of .*)", text)[-RUNS:] == [f"{k} of {RUNS}: {label}" for k, label in enumerate(labels, 1)]
+    assert [prompt for prompt in prompts if "way to the pose clear" in prompt] == [
+        f"{label} ({k} of {RUNS}): way to the pose clear?" for k, label in enumerate(labels, 1)]
     check = pytest.importorskip("rapidchecker.check", reason="rapidchecker is not installed: no independent grammar")
     assert check.check_format(text.split("%%%")[2].lstrip()) == []
 
@@ -609,6 +615,49 @@ def test_every_axis_is_advised_where_it_can_be_taken(little: DesignPlan, axes, s
         little.design, task=replace(task, domain=replace(task.domain, slots=slots))))
     (told,) = [line for line in plan.worth(tables=True) if line.startswith("most causes would stay without a name: --crit")]
     assert told.endswith("; --every-axis names more at each pose" if said else "in a --box")
+
+
+@pytest.mark.parametrize(("identifiable", "advised"), [(1, True), (2, False), (3, False)])
+def test_a_plan_that_names_under_half_of_the_causes_advises_the_criterion_for_them(
+    little: DesignPlan, identifiable: int, advised: bool) -> None:
+    """Of four. Beside tables, which have the causes that are not told apart, these are counted and not listed."""
+    causes = tuple(SimpleNamespace(grade="identifiable" if k < identifiable else "detectable", alike=("creep",),
+                                   entry=SimpleNamespace(label=f"c{k}")) for k in range(4))
+    plan = replace(little, forecast=replace(FORECAST, causes=causes))
+    counted = f"of 4 possible causes at their typical size this plan names {identifiable}, only notices {4 - identifiable}"
+    for tables in (False, True):
+        told = plan.worth(tables=tables)
+        assert any(line.startswith("most causes would stay without a name: --criterion C") for line in told) is advised
+        (at,) = [k for k, line in enumerate(told) if line.startswith(counted)]
+        assert ("noticed at their typical size but not told apart:" in told) is not tables
+        assert told[at + 1].startswith("noticed at" if not tables else "most causes" if advised else "largest uncertainty")
+        assert any(line.startswith("k1  known ") for line in told) is not tables
+
+
+def test_along_a_program_without_a_log_it_is_uncertain_by_what_a_force_along_each_axis_makes(little: DesignPlan) -> None:
+    """100 N along x, y and z at once, as three forces that know nothing of each other: of each spring by itself, by the forward
+    model, at two poses. In a report three digits of it, before and after."""
+    task, rig = little.design.task, little.prepared.rig
+    theta = little.sheet.theta[:2]
+    tool = rig.cell.flange_from_tcp
+    milled = MillingPoses(theta, Frame(np.tile(tool.rotation, (2, 1, 1)), np.tile(tool.position, (2, 1))), np.zeros((2, 3)), "",
+                          2, assumed_force())
+    plan = replace(little, prepared=replace(little.prepared, weight=prediction_weight(rig, milled)))
+    # Deflection (2, 3, 6) for each of three forces, by spring: it is linear in their compliances.
+    by_spring = np.stack([100 * compliance_matrix(rig.cell.robot, theta, tool, rig.compliance * (np.arange(6) == k))[:, :3, :3]
+                          for k in range(6)], axis=3)
+    before, after = np.linalg.inv(task.prior), np.linalg.inv(task.information(little.design.runs))
+    first, last = (1e6 * np.sqrt(np.einsum("nafi,ij,nafj->", by_spring, covariance, by_spring) / 2)
+                   for covariance in (before, after))
+    told = plan.prediction_std_um
+    assert told is not None
+    assert told[0] == pytest.approx(first, rel=1e-6)
+    assert last / 1.3 < told[1] < 1.3 * last        # sensors and poses of their own are in what is stated
+    assert (f"deflection along the program (under 100 N along each base axis where no force log was given): uncertain by "
+            f"{told[1]:.2g} um RMS, before {first:.3g} um") in plan.lines()
+    assert plan.as_dict()["prediction_std_um"] == {"before": told[0], "after": told[1]}
+    assert little.prediction_std_um is None
+    assert not [line for line in little.lines() if "along the program" in line]
 
 
 def test_one_run_is_no_runs(little: DesignPlan) -> None:

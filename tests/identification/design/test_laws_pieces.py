@@ -23,7 +23,7 @@ from identification.design.kept_back import distances, kept_back
 from identification.design.loads import CYCLE, FREE, slot, weight_slot
 from identification.design.milling import assumed_force
 from identification.design.order import imbalance, load_axes, run_order, travel
-from identification.design.program import _load, _weights, approaches
+from identification.design.program import _load, _weights, approaches, rapid_program
 from identification.design.sheet import as_measurements, sheet_of, sheet_text
 from identification.design.task import Demand, Task, free_demand
 from identification.design.unseen import across
@@ -245,6 +245,47 @@ def test_a_retreat_is_up_or_back_with_the_tool_as_it_stands(domain):
             angles, branch = nearest_solution(arm, inverse(arm, moved), theta[one: one + 1])
             assert (branch[0] < 0 or np.abs(angles - theta[one]).max() >= np.radians(45)
                     or (arm.limit_excess(angles) > 0).any()), number
+
+
+def test_a_program_drives_to_each_pose_and_asks_for_each_of_its_loads(domain):
+    """Two poses, the second one in front of a wall that no retreat gets by: word for word."""
+    slots = slot("x", "single", 300.0), slot("y", "single", 200.0)
+    near = np.radians([[10.0, 20, 10, 30, 40, 50], [70, 0, 5, 105, -119.9, -122]])
+    sheet = sheet_of(pool_of([0, 1], near), slots, np.arange(2), 1, np.zeros(2, dtype=bool), "P")
+    assert sheet.force.tolist() == [[0, 0, 0], [300, 0, 0], [0, 0, 0], [0, 200, 0]]
+    behind = np.degrees(approaches(domain, near))
+    assert np.isfinite(behind).all(axis=1).tolist() == [True, False]
+
+    def joints(degrees):
+        return "[[" + ",".join(f"{angle:.6f}" for angle in degrees) + "],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+
+    def ask(words, key):
+        return f'TPReadFK nAnswer,"{words}",stEmpty,stEmpty,stEmpty,stEmpty,"{key}";'
+
+    lines = ["%%%", "VERSION:1", "LANGUAGE:ENGLISH", "%%%", "MODULE two_poses", "! one line", "! and another",
+             "PERS tooldata tMeasure:=[TRUE,[[120.0000,0.0000,250.0000],[1.00000000,0.00000000,0.00000000,0.00000000]],"
+             "[80,[0,0,120],[1,0,0,0],0,0,0]];", "PROC main()", "VAR num nAnswer;", "TPErase;",
+             ask("Measure 2 poses. Sensors and cylinder out of the way?", "Go")]
+    for number, (label, load, rows) in enumerate((("P01", "Fx = +300 N", (1, 2)), ("P02", "Fy = +200 N", (3, 4)))):
+        there = f"MoveAbsJ {joints(np.degrees(near[number]))}\\NoEOffs,v20,fine,tMeasure;"
+        lines += [f"! {number + 1} of 2: {label}", ask(f"{label} ({number + 1} of 2): way to the pose clear?", "Go"),
+                  *([f"MoveAbsJ {joints(behind[0])}\\NoEOffs,v200,fine,tMeasure;"] if number == 0 else []), there,
+                  ask(f"{label}: place the sensors, set them to zero without load", "Done"),
+                  ask(f"{label}: no load. Then hold 5 s", "Done"), "WaitTime 5;",
+                  ask(f"{label}, row {rows[0]}, no load: write down dx dy dz and the time", "Written"),
+                  ask(f"{label}: {load}. Then hold 20 s", "Done"), "WaitTime 20;",
+                  ask(f"{label}, row {rows[1]}, {load}: write down dx dy dz and the time", "Written"),
+                  ask(f"{label}: load off, sensors and cylinder out of the way?", "Go"),
+                  *([f"MoveAbsJ {joints(behind[0])}\\NoEOffs,v20,fine,tMeasure;"] if number == 0 else [])]
+    lines += ['TPWrite "All poses measured.";', "ENDPROC", "ENDMODULE"]
+    program = rapid_program(domain, sheet, "two poses", ["one line", "and\nanother"])
+    text = program.content.decode("ascii")
+    assert [line.strip() for line in text.splitlines() if line.strip()] == lines
+    assert text.startswith("%%%\n  VERSION:1\n")
+    assert text.endswith("ENDMODULE\n")
+    assert "\n\n\n" not in text
+    assert [(one.code, one.message.split(":")[0]) for one in program.findings] == [
+        ("CS1604", "no retreat within the joint limits for P02")]
 
 
 @pytest.mark.parametrize(("force", "digits", "words"), [

@@ -294,3 +294,20 @@ def test_a_long_file_is_looked_at_in_part(tmp_path: Path) -> None:
     assert len(np.unique(long.visit)) == 10
     lowest = list(range(2_500, 50_000, 5_000))
     assert set(np.array(lowest) + 1) <= set(long.row.tolist())
+
+
+@pytest.mark.parametrize("least", [0.0, 0.35, 0.55])
+def test_of_long_visits_the_loads_at_which_they_turn_are_kept(tmp_path: Path, least: float) -> None:
+    """A gear's friction turns round there: also where the load is held for some rows before it goes back, as a sensor of coarse
+    steps shows it."""
+    _, rows = read(simulate(43, "ladder12"), tmp_path)
+    number, each = np.arange(12_000), 4_000
+    some = rows.select(np.arange(len(rows)) == 0)
+    force = np.zeros((len(number), 6))
+    force[:, 1] = -np.maximum(0.1 * np.abs(number % each - 2_010), least)
+    grown = {name: np.repeat(getattr(some, name), len(number), axis=0) for name in
+             ("theta", "deflection", "sigma", "time", "dwell", "reference", "validate", "machined_pass", "pose", "line")}
+    kept, share = share_of(replace(some, **grown, wrench=force, visit=number // each, row=number + 1))
+    assert share is not None
+    assert share.rows < 2_000
+    assert [kept.wrench[kept.visit == visit, 1].max() for visit in range(3)] == [-least] * 3

@@ -209,3 +209,50 @@ def test_kin_differ_in_the_law_of_a_gear_alone() -> None:
 def test_only_what_touches_one_pose_each_is_local() -> None:
     seen = survey(((0, 3), 0.5), ((0, 2), 0.3), ((4,), 0.2))
     assert [only_local(seen, hypothesis) for hypothesis in seen.hypotheses] == [True, False, False]
+
+
+@pytest.mark.parametrize(("values", "best"), [
+    ((0.0, 2.9, 1.0), 0), ((0.0, 3.1, 1.0), 1), ((0.0, 1.0, 3.1), 2), ((5.0, 7.9, 0.0), 0)])
+def test_of_laws_that_imitate_each_other_the_likeliest_stays_unless_another_fits_far_better(
+    monkeypatch: pytest.MonkeyPatch, values: tuple[float, ...], best: int) -> None:
+    """By e cubed. Those that are a hundredth as likely at a look are fitted too, those that are less are not."""
+    kin = [SimpleNamespace(key=frozenset({k}), signatures=(k,), probability=probability)
+           for k, probability in enumerate((0.5, 0.3, 0.0051, 0.0049))]
+    tried: list[int] = []
+
+    def look(first: int) -> Any:
+        order = [kin[first], *(each for each in kin if each is not kin[first])]
+        return SimpleNamespace(hypotheses=order, terms=lambda hypothesis: hypothesis.signatures, unweighed=lambda of: None,
+                               dictionary=SimpleNamespace(signatures=[SimpleNamespace(weight=0.0)] * 4, entries=()))
+
+    def attempt(data: Any, terms: tuple[int, ...], near: Any) -> Any:
+        tried.append(terms[0])
+        return SimpleNamespace(name=terms[0], data=None, terms=(), value=(*values, 99.0)[terms[0]])
+
+    monkeypatch.setattr(naming, "survey", lambda fitted, *of: SimpleNamespace(without=lambda *of: look(0)))
+    for name, stub in (("attempt", attempt), ("kindred", lambda seen, hypothesis: tuple(seen.hypotheses)),
+                       ("log_evidence", lambda fit: fit.value)):
+        monkeypatch.setattr(naming, name, stub)
+    start: Any = SimpleNamespace(name="start", data=None)
+    found: Any = converged(start, {}, 2)
+    assert tried == [0, 1, 2]
+    assert (found.fitted.name, found.best.key) == (best, frozenset({best}))
+
+
+def test_an_effect_without_plainer_kin_hides_none_behind_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drift stands before the cross-talk that is a turn."""
+    effects = [SimpleNamespace(label=label, plainer="turn" if label == "cross-talk" else "", neutral=lambda state: np.zeros(1),
+                               typical=lambda state, joint: np.ones(1)) for label in ("drift", "cross-talk", "turn")]
+    entries = [SimpleNamespace(label=each.label, effect=each, signatures=range(k, k + 1)) for k, each in enumerate(effects)]
+    monkeypatch.setattr(naming, "Term", lambda effect, *_: SimpleNamespace(label=effect.label, effect=effect))
+    monkeypatch.setattr(naming, "replace", lambda each, **given: replace(each, **given) if isinstance(
+        each, Hypothesis) else SimpleNamespace(**{**vars(each), **given}))
+    monkeypatch.setattr(naming, "log_evidence", lambda fit: fit.value)
+    monkeypatch.setattr(naming, "attempt", lambda data, terms, near: SimpleNamespace(terms=tuple(terms), value=1.0))
+    terms = tuple(SimpleNamespace(label=each.label, effect=each) for each in effects[:2])
+    fitted = SimpleNamespace(terms=terms, term_values=(np.ones(1),) * 2, load_state=None, data=None, value=0.0)
+    both = Hypothesis((0, 1), (0, 1), -1.0, 1.0)
+    found: Any = SimpleNamespace(seen=SimpleNamespace(hypotheses=(both,), dictionary=SimpleNamespace(entries=entries)),
+                                 best=both, fitted=fitted, lost=())
+    plain: Any = with_plainer_effects(found)
+    assert [term.label for term in plain.fitted.terms] == ["drift", "turn"]

@@ -4,6 +4,8 @@ with a smooth error in it."""
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import pytest
 from identification.diagnosis.detect import REPLICATES, Detection
 from identification.diagnosis.part_rows import (
     PartRows,
+    _apart,
     adequate,
     alarm,
     best_of,
@@ -19,6 +22,8 @@ from identification.diagnosis.part_rows import (
     judged,
     of_nothing,
 )
+from identification.diagnosis.projection import Base
+from identification.diagnosis.search import Hypothesis, Survey
 from identification.fit.fitted_model import Term
 from identification.model.effects import effects
 from identification.model.load_state import LoadState, load_state
@@ -159,6 +164,7 @@ def test_what_a_visit_may_do_by_itself_is_noise_that_goes_together() -> None:
     rows = rows_of(state, np.zeros((PLACES, 3)), np.random.default_rng(1))
     rng = np.random.default_rng(3)
     moves = [1e-6 * rng.normal(0, 20, (len(state.theta), 3, 1)) for _ in range(2)]
+    moves[1][:, 1:] = 0.0           # along x alone
     columns = rng.normal(size=(rows.readings, 1, 4))
     covariance, freed = np.eye(rows.readings), rows
     for moved in moves:
@@ -167,3 +173,26 @@ def test_what_a_visit_may_do_by_itself_is_noise_that_goes_together() -> None:
             one = rows.whitened(moved * (state.visit == number)[:, None, None])[:, 0, 0]
             covariance += np.outer(one, one)
     np.testing.assert_allclose(freed.apply(columns)[:, 0], np.linalg.solve(covariance, columns[:, 0]), rtol=1e-8, atol=1e-10)
+
+
+def test_of_the_laws_that_are_left_open_it_counts_by_how_much_what_they_leave_differs() -> None:
+    """The farthest from the first, root mean square; of one law nothing. Each is what least squares leave, by hand."""
+    rng = np.random.default_rng(8)
+    columns, left = {k: rng.standard_normal((10, 1, 1)) for k in range(3)}, []
+    residual, spring = rng.standard_normal((10, 1)), rng.standard_normal((10, 1, 1))
+    weights: Any = SimpleNamespace(apply=lambda columns: columns)
+    base = Base(spring, residual, weights, np.array([[4.0]]), np.zeros(1))
+    dictionary: Any = SimpleNamespace(of=lambda s: columns[s])
+    nothing: Any = None
+    laws = tuple(Hypothesis((k,), (k,), 0.0) for k in range(3))
+    for k in range(3):
+        design = np.column_stack([spring[:, 0], columns[k][:, 0]])
+        step = np.linalg.lstsq(np.vstack([design, np.diag([2.0, 1 / 1.5])]), np.append(residual, [0, 0]))[0]
+        left.append(residual[:, 0] - design @ step)
+    differ = [float(np.sqrt(np.mean((one - left[0]) ** 2))) for one in left[1:]]
+    assert differ[0] != differ[1]
+    seen = Survey(nothing, dictionary, base, laws)
+    assert _apart(seen, laws) == pytest.approx(max(differ))
+    assert _apart(seen, (laws[0], laws[2], laws[1])) == pytest.approx(max(differ))
+    assert _apart(seen, laws[:2]) == pytest.approx(differ[0])
+    assert _apart(seen, laws[:1]) == 0.0

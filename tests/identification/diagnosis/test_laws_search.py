@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,6 +24,22 @@ def test_the_best_set_is_no_exchange_of_itself() -> None:
     assert best.log_evidence + again.log_evidence - again.log_evidence > best.log_evidence
     found = _exchanged({best.key: best}, {rest.key: rest}, lambda smaller: [again, other] if smaller is rest else [])
     assert set(found) == {other.key}
+
+
+def test_an_exchange_is_as_much_likelier_than_the_best_as_it_is_beside_what_both_have() -> None:
+    """And no exchange where it was taken for as likely before, or where nobody looked at what both have."""
+    best, rest = Hypothesis((0, 1), (0, 1), 12.0), Hypothesis((1,), (1,), 2.0)
+    beside = [Hypothesis((1, 0), (1, 0), 7.0), Hypothesis((1, 2), (1, 2), 8.5), Hypothesis((1, 3), (1, 3), 4.0)]
+    known = [Hypothesis((2, 1), (2, 1), 11.4), Hypothesis((3, 1), (3, 1), 9.1)]
+    grown = {each.key: each for each in (best, *known)}
+    found = _exchanged(grown, {rest.key: rest}, lambda smaller: beside if smaller is rest else [])
+    assert {key: (each.entries, each.log_evidence) for key, each in found.items()} == {frozenset({1, 2}): ((1, 2), 13.5)}
+    turned = replace(best, entries=(1, 0), signatures=(1, 0))
+    again = _exchanged({turned.key: turned}, {rest.key: rest}, lambda smaller: beside if smaller is rest else [])
+    assert {key: each.log_evidence for key, each in again.items()} == {frozenset({1, 2}): 13.5, frozenset({1, 3}): 9.0}
+    assert _exchanged(grown, {}, lambda smaller: beside) == {}
+    assert _exchanged({}, {rest.key: rest}, lambda smaller: beside) == {}
+    assert _exchanged(grown, {rest.key: rest}, lambda smaller: beside[1:]) == {}
 
 
 def test_what_each_visit_may_do_counts_once_a_visit_that_it_moves() -> None:
@@ -96,15 +113,18 @@ def test_without_a_weight_the_best_signature_of_the_same_law_is_taken(monkeypatc
     entries = (SimpleNamespace(signatures=range(3)), SimpleNamespace(signatures=range(3, 7)))
     dictionary: Any = SimpleNamespace(
         entries=entries, signatures=[SimpleNamespace(weight=weight) for weight in (0, 0, 0, 0, 40.0, 0, 60.0)],
-        unweighed=lambda entry: [k for k in entry.signatures if k in (0, 1, 2, 3, 5)], of=lambda k: np.zeros((2, 3, 1)),
+        unweighed=lambda entry: [k for k in entry.signatures if k in (0, 1, 2, 3, 5)], of=lambda k: np.full((2, 3, 1), k),
         part=lambda entries: None)
-    base: Any = SimpleNamespace(extended=lambda columns: base, weights=None)
+    beside: list[Any] = []
+    base: Any = SimpleNamespace(extended=lambda columns: beside.append(columns) or base, weights=None)
     monkeypatch.setattr(search, "own_grams", lambda *of: None)
     for evidence, best in (([1.0, 9.0, 2.0, 8.0], 5), ([3.0, 9.0, 2.0, 8.0], 3)):
         monkeypatch.setattr(search, "scores", lambda *of, known=evidence: SimpleNamespace(evidence=np.array(known)))
         found = Survey(base, dictionary, base, ()).unweighed(Hypothesis((0, 1), (1, 4), 5.0))
         assert found is not None
         assert found.signatures == (1, best)
+        assert [np.unique(columns).tolist() for columns in beside] == [[1]], "beside the others alone"
+        beside.clear()
     assert Survey(base, dictionary, base, ()).unweighed(Hypothesis((0, 1), (1, 5), 5.0)) is None
 
 
@@ -211,3 +231,23 @@ def test_numbers_of_causes_are_chances() -> None:
     """One, two or three act, or none would be looked for; the fewer the likelier."""
     assert sum(search.PRIOR_OF_SIZE) == pytest.approx(1.0)
     assert list(search.PRIOR_OF_SIZE) == sorted(search.PRIOR_OF_SIZE, reverse=True)
+
+
+def test_each_cause_of_a_set_begins_with_its_own_coefficients() -> None:
+    """Of three causes of one, two and one coefficients, beside a spring: the best ones of all together by least squares, their
+    prior 1.5 wide; of one whose sign is known a hundredth at least."""
+    rng = np.random.default_rng(11)
+    columns = {4: rng.standard_normal((8, 3, 1)), 0: rng.standard_normal((8, 3, 2)), 7: rng.standard_normal((8, 3, 1))}
+    weights: Any = SimpleNamespace(apply=lambda columns: columns)
+    spring, truth = rng.standard_normal((8, 3, 1)), np.array([0.5, 2.0, -3.0, 1.5, -4.0])
+    every = np.concatenate([spring, *columns.values()], axis=2)
+    base = Base(spring, every @ truth, weights, np.array([[9.0]]), np.zeros(1))
+    dictionary: Any = SimpleNamespace(of=lambda s: columns[s], positive=[s == 7 for s in range(8)],
+                                      term=lambda state, s, values: (state, s, values.tolist()))
+    state: Any = "arm"
+    found: Any = Survey(state, dictionary, base, ()).terms(Hypothesis((1, 0, 2), (4, 0, 7), 0.0))
+    prior = np.diag([3.0, *[1 / 1.5] * 4])
+    best = np.linalg.lstsq(np.vstack([every.reshape(24, 5), prior]), np.append((every @ truth).ravel(), np.zeros(5)))[0]
+    assert best[4] < 0
+    assert [(state, signature) for state, signature, _ in found] == [("arm", 4), ("arm", 0), ("arm", 7)]
+    assert [values for _, _, values in found] == [[pytest.approx(best[1])], pytest.approx(best[2:4].tolist()), [0.01]]
