@@ -126,6 +126,7 @@ SKIPPED, BOTH, ALL = {(0, 2)}, {(0, 1, 2), (0, 2)}, {(0, 1, 2)}
     ("PERS num n:=5;", "m; IF n=5 m; n:=1; m;", BOTH),
     ("CONST num n:=[1];", "m; IF n=1 m; m;", BOTH),
     ("LOCAL VAR num n:=5;", "m; Clear n; IF n=0 m; m;", ALL),
+    ("LOCAL VAR num n:=5;", "m; Add n; IF n=5 m; m;", BOTH),                    # nor what adds nobody knows how much
     ("LOCAL VAR num n:=5;", "m; FOR n FROM 1 TO 1 DO n:=2; IF n=2 m; ENDFOR IF n=5 m;", ALL),
 ])
 def test_data_are_known_as_far_as_nothing_else_can_have_changed_them(data: str, main: str, ways: set[tuple[int, ...]]) -> None:
