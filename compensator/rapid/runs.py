@@ -33,6 +33,15 @@ class Taken(NamedTuple):
     turns: int | None = None
 
 
+def covered(stretches: Iterable[tuple[int, int]]) -> int:
+    """How many targets stand in stretches first ... stop - 1, which may lie on each other."""
+    count = end = 0
+    for first, stop in sorted(stretches):
+        count += max(0, stop - max(first, end))
+        end = max(end, stop)
+    return count
+
+
 @dataclass(frozen=True, slots=True)
 class Way:
     """One way that the program may go: targets first ... stop - 1, then those of the next stretch; and the branches taken."""
@@ -88,7 +97,10 @@ class Runs:
         for stretch in self.driven:
             change[stretch.first] += 1
             change[stretch.stop] -= 1
-        return np.cumsum(change)[:-1]
+        times = np.cumsum(change)[:-1]
+        # Where the text settles it a WHILE may be driven more often than it shows (calls.py).
+        return np.maximum(times, np.minimum(np.bincount(self.ways[0].order, minlength=self.count), 2)) if len(
+            self.ways) == 1 else times
 
     @property
     def order(self) -> Indices | None:

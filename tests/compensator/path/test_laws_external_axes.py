@@ -251,8 +251,8 @@ def test_the_limits_are_those_of_the_joints_and_of_the_axes_that_are_driven(tmp_
     (2, [0, 2, 1, 3], False), (2, [0, 1, 2, 1, 3], True)])
 def test_a_way_as_driven_is_told_where_the_axes_stand_as_in_the_text(
         tmp_path: Path, unsaid: int | None, order: list[int], there: bool) -> None:
-    """Each target says where the slide is, or one does not, which is then met where the one before it was; and the path over the
-    part is that of the first target's slide, whichever is driven first."""
+    """Each target says where the slide is, or one does not, which is then met where the one before it was; and the path over
+    the part is that of the first target's slide, whichever is driven first."""
     path = planned(CarriedJob(tmp_path, LINES, on="slide"))
     external = path.toolpath.external.copy()
     if unsaid is not None:

@@ -148,10 +148,35 @@ def test_what_a_trap_assigns_is_not_known() -> None:
     ("WHILE DInput(di)=1 DO m; RETURN; ENDWHILE m;", {(0,), (1,)}),             # before its first turn, or in it
     ("m; WHILE DInput(di)=1 DO Incr n; ENDWHILE IF n=0 m;", {(0, 1), (0,)}),    # it moves nothing, and counts
     ("WHILE n>=0 DO m; n:=n+1; ENDWHILE m;", set()),                            # without an end
+    # What it asks for is settled by what a turn does to something else, or in a routine; or it is left so.
+    ("WHILE NOT b DO m; Incr n; IF n=3 b:=TRUE; ENDWHILE m;", {(0, 0, 0, 1)}),
+    ("WHILE b=FALSE DO m; n:=n+1; b:=n>=2; ENDWHILE m;", {(0, 0, 1)}),
+    ("WHILE TRUE DO m; n:=n+1; IF n=3 RETURN; ENDWHILE m;", {(0, 0, 0)}),
+    ("WHILE TRUE DO m; n:=n+1; IF n=2 EXIT; ENDWHILE m;", {(0, 0)}),
+    # The cell: it asks somebody, or nothing that its turns change ends it.
+    ("WHILE TRUE DO m; n:=n+1; ENDWHILE m;", {(0, 1)}),
+    ("WHILE TRUE DO m; n:=n+1; IF DInput(di)=1 RETURN; ENDWHILE m;", {(0,), (0, 1)}),
+    ("WHILE NOT b DO m; n:=0; IF n=2 b:=TRUE; ENDWHILE m;", {(0, 1)}),
+    ("WHILE NOT b DO m; Incr n; b:=DInput(di)=1; ENDWHILE m;", {(0, 1)}),
 ])
 def test_loops_are_driven_until_they_end(main: str, ways: set[tuple[int, ...]]) -> None:
-    run = runs("LOCAL VAR num n; LOCAL VAR num k;", main=main)
+    run = runs("LOCAL VAR num n; LOCAL VAR num k; LOCAL VAR bool b;", main=main)
     assert {tuple(way.order.tolist()) for way in run.ways} == ways
+    if len(ways) == 1:
+        [way] = ways
+        assert [bool(times > 1) for times in run.times] == [way.count(number) > 1 for number in range(run.count)]
+
+
+@pytest.mark.parametrize(("main", "own", "order"), [
+    ("WHILE n<2 DO rCut; ENDWHILE m;", "m; Incr n;", [1, 1, 0]),
+    ("WHILE NOT b DO rCut; ENDWHILE m;", "m; Incr n; IF n=3 b:=TRUE;", [1, 1, 1, 0]),
+    ("WHILE TRUE DO rCut; ENDWHILE m;", "m; Incr n; IF n=2 EXIT;", [1, 1]),
+    ("WHILE TRUE DO rCut; ENDWHILE m;", "m; Incr n; IF n=2 RETURN;", [1, 0]),       # from the routine alone
+])
+def test_a_routine_may_end_the_loop_that_calls_it(main: str, own: str, order: list[int]) -> None:
+    run = runs("LOCAL VAR num n; LOCAL VAR bool b;", main=main, rCut=own)
+    assert [way.order.tolist() for way in run.ways] == [order]
+    assert [bool(times > 1) for times in run.times] == [order.count(number) > 1 for number in range(2)]
 
 
 def test_a_variable_of_a_routine_begins_anew_with_each_call() -> None:
@@ -198,6 +223,20 @@ def test_a_function_that_moves_leaves_the_order_open() -> None:
     ({"rOff": "PDispOff;", "rOn": "PDispSet shift;", "main": "rOn; m; rOff; m;"}, [True, False]),
     ({"rCut": "m;", "main": "rCut; PDispSet shift; rCut; PDispOff;"}, [True]),
     ({"rCut": "m;", "main": "PDispSet shift; PDispOff; rCut;"}, [False]),
+    # A further turn begins with what the one before has switched.
+    ({"rCut": "m;", "main": "FOR i FROM 1 TO 2 DO rCut; PDispSet shift; ENDFOR PDispOff; m;"}, [True, False]),
+    ({"rCut": "m;", "main": "FOR i FROM 1 TO 1 DO rCut; PDispSet shift; ENDFOR PDispOff; m;"}, [False, False]),
+    ({"rCut": "m;", "main": "WHILE n<2 DO rCut; PDispSet shift; Incr n; ENDWHILE"}, [True]),
+    ({"rCut": "m;", "main": "WHILE DInput(di)=1 DO rCut; PDispSet shift; ENDWHILE"}, [True]),
+    ({"rCut": "m;", "main": "FOR i FROM 1 TO 2 DO rCut; PDispSet shift; PDispOff; ENDFOR"}, [False]),
+    # What one of several branches has switched, or a loop that may have no turn.
+    ({"rCut": "m;", "main": "IF DInput(di)=1 THEN PDispSet shift; ELSE PDispOff; ENDIF rCut; PDispOff; m;"}, [True, False]),
+    ({"rCut": "m;", "main": "PDispSet shift; IF DInput(di)=1 PDispOff; rCut;"}, [True]),
+    ({"rCut": "m;", "main": "PDispSet shift; IF DInput(di)=1 THEN PDispOff; ELSE PDispOff; ENDIF rCut;"}, [False]),
+    ({"rCut": "m;", "main": "IF DInput(di)=1 THEN PDispSet shift; RETURN; ENDIF rCut;"}, [False]),
+    ({"rCut": "m;", "rB": "m;", "main": "IF DInput(di)=1 THEN PDispSet shift; rB; ELSE rCut; ENDIF"}, [False, True]),
+    ({"rCut": "m;", "main": "PDispSet shift; FOR i FROM 1 TO nAny DO PDispOff; ENDFOR rCut;"}, [True]),
+    ({"rCut": "m;", "main": "PDispSet shift; FOR i FROM 1 TO 3 DO PDispOff; ENDFOR rCut;"}, [False]),
 ])
 def test_a_displacement_goes_along_with_the_calls(routines: dict[str, str], displaced: list[bool]) -> None:
     assert runs(**routines).displaced.tolist() == displaced
@@ -207,6 +246,7 @@ def test_a_displacement_goes_along_with_the_calls(routines: dict[str, str], disp
     ({"main": "m; SoftAct 1,50; m; SoftDeact; m;"}, [False, True, False]),
     ({"rCut": "m;", "main": "m; SoftAct \\MechUnit:=ROB_1,2,30\\Ramp:=100; rCut; SoftDeact;"}, [True, False]),
     ({"main": "m; FCAct t; m; FCDeact; m;"}, [False, True, False]),
+    ({"rCut": "m;", "main": "FOR i FROM 1 TO 2 DO rCut; SoftAct 1,50; ENDFOR SoftDeact; m;"}, [True, False]),
     ({"main": "m; CSSAct CSS_X; m; CSSDeactMoveL p0,v5,tool0; m;"}, [False, True, False]),
 ])
 def test_what_is_driven_with_a_soft_servo_stays_as_it_is(routines: dict[str, str], soft: list[bool]) -> None:
