@@ -13,7 +13,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from compensator.rapid.blocks import DEEPEST, Arm, Block, Fork, Loop, Routine, Step
-from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
+from compensator.rapid.moves import SWITCHES
 from compensator.rapid.runs import Driven, Runs, Taken, covered
 from compensator.rapid.runtime import MOTION, Parameter
 from compensator.rapid.scopes import Scope
@@ -92,8 +92,7 @@ class _Run:
     elsewhere: Container[int]
     choices: Choices | None = None
     total: int = 0                                                  # targets that are driven at all
-    displaced: bool = False
-    soft: bool = False
+    switched: frozenset[str] = frozenset()                          # what is on (moves.py: SWITCHES)
     calls: int = 0
     length: int = 0
     deep: int = 0
@@ -165,7 +164,7 @@ class _Run:
         if self.apart:
             self.uncounted.add((self.driven[-1].stop - 1 if self.driven else -1, first))
         self.apart = False
-        self.driven.append(Driven(first, stop, self.displaced, self.soft, self.start))
+        self.driven.append(Driven(first, stop, self.switched, self.start))
         self.length += stop - first
         if self.length > max(OFTEN * self.count, MANY):
             self._not_followed()
@@ -187,10 +186,9 @@ class _Run:
         ended = ""
         if step.name in LATE:
             self._not_followed(step.start)
-        elif step.name in DISPLACEMENT:
-            self.displaced = DISPLACEMENT[step.name]
-        elif step.name in SOFT_SERVO:
-            self.soft = SOFT_SERVO[step.name]
+        elif step.name in SWITCHES:
+            what, on = SWITCHES[step.name]
+            self.switched = self.switched | {what} if on else self.switched - {what}
         elif step.name in self.numbers and not (self.choices is None and branch and step.name in self.in_branches):
             # Of several branches that call the same routine one is taken.
             self.in_branches |= {step.name} if branch else set()
@@ -198,15 +196,6 @@ class _Run:
         self.apart |= self._uncounted(step)
         self.variables.take(step, scope)
         return ended
-
-    @property
-    def switched(self) -> tuple[bool, bool]:
-        """Whether a displacement is on, and a soft servo."""
-        return self.displaced, self.soft
-
-    def _switch_any(self, ways: list[tuple[bool, bool]]) -> None:
-        """Goes on behind several ways: on what may be on."""
-        self.displaced, self.soft = (any(states) for states in zip(*ways, strict=True))
 
     def _moves(self, block: Block) -> bool:
         """Whether it matters for the order of the moves that a block is done."""
@@ -245,7 +234,7 @@ class _Run:
                        for part in (self.driven[begin:behind], self.driven[behind:]))
         self.driven[begin:] = turn + (again or turn * (turns > 1))
         if not sure:                        # a loop of no turn goes on behind it
-            self._switch_any([switched, self.switched])
+            self.switched |= switched
         return ended if sure else ""
 
     def _bodies(self, loop: Loop) -> list[Block]:
@@ -359,11 +348,11 @@ class _Run:
             behind = [before] if None in possible else []
             for arm in possible:
                 if arm is not None:
-                    self.displaced, self.soft = before
+                    self.switched = before
                     if not self._block(arm.body, scope, branch=True):
                         behind.append(self.switched)
                     self.variables.skip(arm.body, scope)
-            self._switch_any(behind or [before])
+            self.switched = frozenset().union(*behind) if behind else before        # all that may be on
             return ""
         if not any(self._moves(arm.body) for arm in possible if arm is not None):
             for arm in possible:

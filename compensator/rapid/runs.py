@@ -14,12 +14,12 @@ Indices = NDArray[np.intp]
 
 
 class Driven(NamedTuple):
-    """Targets first ... stop - 1 as they are driven; start: offset of the call that led there, -1 for none."""
+    """Targets first ... stop - 1 as they are driven; switched: what is on then; start: offset of the call that led there, -1
+    for none."""
 
     first: int
     stop: int
-    displaced: bool
-    soft: bool
+    switched: frozenset[str]
     start: int
 
 
@@ -74,20 +74,11 @@ class Runs:
     unsettled: int = -1
     uncounted: tuple[tuple[int, int], ...] = ()
 
-    @property
-    def displaced(self) -> Mask:
-        """The targets (N,) that a displacement shifts when they are driven."""
-        return self._within(stretch for stretch in self.driven if stretch.displaced)
-
-    @property
-    def soft(self) -> Mask:
-        """The targets (N,) that are driven while the controller gives way."""
-        return self._within(stretch for stretch in self.driven if stretch.soft)
-
-    def _within(self, stretches: Iterable[Driven]) -> Mask:
+    def under(self, what: str) -> Mask:
+        """The targets (N,) that may be driven while this is on: "displaced", "soft", "offset" (moves.py: SWITCHES)."""
         within = np.zeros(self.count, dtype=bool)
-        for stretch in stretches:
-            within[stretch.first:stretch.stop] = True
+        for stretch in self.driven:
+            within[stretch.first:stretch.stop] |= what in stretch.switched
         return within
 
     @property

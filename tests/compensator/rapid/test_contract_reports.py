@@ -188,6 +188,20 @@ def test_what_moves_a_target_at_run_time_is_told_for_each_and_the_first_reason_h
     assert toolpath.block.tolist() == ["", corr, "pB is not declared in this file", soft, axis, ""]
 
 
+@pytest.mark.parametrize(("main", "told_of"), [
+    ("EOffsSet eA; rCut; EOffsOff; rFree;", [1]), ("EOffsSet eA; EOffsOff; rCut; rFree;", []),
+    ("rFree; EOffsSet eA; rCut;", [1]), ("FOR i FROM 1 TO 2 DO rCut; EOffsOn pA; ENDFOR", [1])])
+def test_an_offset_of_the_axes_goes_along_with_the_calls(main: str, told_of: list[int]) -> None:
+    """To the routine that a program calls while it is on; a target without an external axis is not concerned."""
+    axes = target(1).replace("[9E9,", "[5,", 1)
+    routines = (f"PROC rCut()\n{NAMED.format(target(0))}{NAMED.format(axes)}ENDPROC\n"
+                f"PROC rFree()\n{NAMED.format(axes)}ENDPROC\n")
+    toolpath = read_rapid(f"MODULE M\n{routines}PROC main()\n{main}\nENDPROC\nENDMODULE\n".encode()).toolpath
+    found = told(toolpath, "CS4501")
+    assert [(level, place[1:]) for level, _, *place in found] == [("warning", [1, 1])] * bool(told_of)
+    assert [bool(why) for why in toolpath.block] == [number in told_of for number in range(3)]
+
+
 def test_frames_are_told_with_their_moves() -> None:
     """Those without numbers here, those that no correction serves, each with its first move and how many."""
     body = "".join(f"MoveL {target(k)},v100,z1,{tail}; " for k, tail in enumerate((

@@ -239,7 +239,7 @@ def test_a_function_that_moves_leaves_the_order_open() -> None:
     ({"rCut": "m;", "main": "PDispSet shift; FOR i FROM 1 TO 3 DO PDispOff; ENDFOR rCut;"}, [False]),
 ])
 def test_a_displacement_goes_along_with_the_calls(routines: dict[str, str], displaced: list[bool]) -> None:
-    assert runs(**routines).displaced.tolist() == displaced
+    assert runs(**routines).under("displaced").tolist() == displaced
 
 
 @pytest.mark.parametrize(("routines", "soft"), [
