@@ -57,7 +57,7 @@ def runs_of(
 
     # A function is called where its value is asked for, which is not looked at.
     asked = any(routine.kind == "func" and routine.stop > routine.first for routine in routines)
-    runs = Runs(tuple(run.driven), count)
+    runs = Runs(tuple(run.driven), count, besides=frozenset(run.besides))
     if len(numbers) == len(routines) and not asked:
         try:
             runs = replace(runs, ways=ways_of(drive))
@@ -98,6 +98,7 @@ class _Run:
     deep: int = 0
     blocks: int = 0
     driven: list[Driven] = field(default_factory=list)
+    besides: set[Driven] = field(default_factory=set)               # further ones, which are not counted again
     under_way: list[int] = field(default_factory=list)
     start: int = -1                                                 # of the call that led to where the run stands
     in_branches: set[str] = field(default_factory=set)              # routines that branches of this routine call
@@ -189,13 +190,21 @@ class _Run:
         elif step.name in SWITCHES:
             what, on = SWITCHES[step.name]
             self.switched = self.switched | {what} if on else self.switched - {what}
-        elif step.name in self.numbers and not (self.choices is None and branch and step.name in self.in_branches):
-            # Of several branches that call the same routine one is taken.
+        elif step.name in self.numbers:
+            again = self.choices is None and branch and step.name in self.in_branches
             self.in_branches |= {step.name} if branch else set()
+            begin = len(self.driven)
             ended = self._drive(self.numbers[step.name], step, scope)
+            if again:           # of several branches that call the same routine one is taken
+                self._only_may(begin)
         self.apart |= self._uncounted(step)
         self.variables.take(step, scope)
         return ended
+
+    def _only_may(self, begin: int) -> None:
+        """Counts what was driven from there on no further time: it tells what may be switched on then."""
+        self.besides.update(self.driven[begin:])
+        del self.driven[begin:]
 
     def _moves(self, block: Block) -> bool:
         """Whether it matters for the order of the moves that a block is done."""
@@ -230,9 +239,11 @@ class _Run:
                 self.in_branches = set()
                 self._block(loop.body, scope, branch)       # a further turn begins with what this one has switched
         self.in_branches = before
-        turn, again = ([*dict.fromkeys(part)] if len(part) > LONGEST_TURN else part
-                       for part in (self.driven[begin:behind], self.driven[behind:]))
-        self.driven[begin:] = turn + (again or turn * (turns > 1))
+        self._only_may(behind)
+        turn = self.driven[begin:]
+        if len(turn) > LONGEST_TURN:
+            turn = list(dict.fromkeys(turn))
+        self.driven[begin:] = 2 * turn if turns > 1 else turn
         if not sure:                        # a loop of no turn goes on behind it
             self.switched |= switched
         return ended if sure else ""

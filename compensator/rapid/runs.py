@@ -65,7 +65,8 @@ class Runs:
     """One run of a program: its stretches in the order in which they are driven, of branches that are not known all of them.
     ways: those it may go, that of the file's values first; none where the text does not settle how often moves are driven.
     open: they are too many to follow; unsettled: offset of what they cannot be followed through, -1 for nothing. uncounted:
-    targets one behind the other between which the program drives to others, which are not counted (TriggL, SearchL)."""
+    targets one behind the other between which the program drives to others, which are not counted (TriggL, SearchL). besides:
+    stretches of further turns or branches, which tell what may be switched on there."""
 
     driven: tuple[Driven, ...]
     count: int
@@ -73,11 +74,12 @@ class Runs:
     open: bool = False
     unsettled: int = -1
     uncounted: tuple[tuple[int, int], ...] = ()
+    besides: frozenset[Driven] = frozenset()
 
     def under(self, what: str) -> Mask:
         """The targets (N,) that may be driven while this is on: "displaced", "soft", "offset" (moves.py: SWITCHES)."""
         within = np.zeros(self.count, dtype=bool)
-        for stretch in self.driven:
+        for stretch in (*self.driven, *self.besides):
             within[stretch.first:stretch.stop] |= what in stretch.switched
         return within
 

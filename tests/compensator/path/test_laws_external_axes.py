@@ -262,3 +262,14 @@ def test_a_way_as_driven_is_told_where_the_axes_stand_as_in_the_text(
     assert (driven is not None) == there
     if driven is not None:
         np.testing.assert_array_equal(driven.run.axes.values, path.axes.values[order])
+
+
+def test_a_base_that_moves_while_the_table_stands_is_met_where_it_is(tmp_path: Path) -> None:
+    """One axis of three moves: the slide, by 50 mm a target; the table stands at 12 and -20 degrees."""
+    job = CarriedJob(tmp_path, LINES, on="both", ends=np.array([[950.0, 12.0, -20.0], [800.0, 12.0, -20.0]]))
+    path = planned(job)
+    assert (path.axes.moves, path.axes.base_moves) == (True, True)
+    origin, turned = job.stands(job.values)
+    points = np.array([pose.p for pose in job.poses])
+    np.testing.assert_allclose(path.base_from_tcp.position, origin + turned.apply(points), atol=5e-7)
+    assert np.ptp(origin @ [0.6, 0.64, -0.48]) > 0.1

@@ -235,6 +235,9 @@ def test_a_function_that_moves_leaves_the_order_open() -> None:
     ({"rCut": "m;", "main": "PDispSet shift; IF DInput(di)=1 THEN PDispOff; ELSE PDispOff; ENDIF rCut;"}, [False]),
     ({"rCut": "m;", "main": "IF DInput(di)=1 THEN PDispSet shift; RETURN; ENDIF rCut;"}, [False]),
     ({"rCut": "m;", "rB": "m;", "main": "IF DInput(di)=1 THEN PDispSet shift; rB; ELSE rCut; ENDIF"}, [False, True]),
+    ({"rCut": "m;", "main": "IF DInput(di)=1 THEN rCut; ELSE PDispSet shift; rCut; PDispOff; ENDIF"}, [True]),
+    ({"rCut": "m;", "rB": "m;", "rOn": "PDispSet s;", "main": "IF DInput(di)=1 THEN rOn; rB; PDispOff; ELSE rOn; rCut; ENDIF"},
+     [True, True]),
     ({"rCut": "m;", "main": "PDispSet shift; FOR i FROM 1 TO nAny DO PDispOff; ENDFOR rCut;"}, [True]),
     ({"rCut": "m;", "main": "PDispSet shift; FOR i FROM 1 TO 3 DO PDispOff; ENDFOR rCut;"}, [False]),
 ])
@@ -347,3 +350,19 @@ def test_loops_that_nobody_counts_have_up_to_eight_turns_of_more_of_them_fewer(l
     found = {tuple(way.order.tolist().count(number) for number in range(loops)) for way in run.ways}
     assert found == (set(product(turns, repeat=loops)) if turns else set())
     assert run.open is not bool(turns)
+
+
+@pytest.mark.parametrize("routines", [{"rIdle": "WaitTime 1;"}, {"rIdle": "rNone;", "rNone": "WaitTime 1;"}])
+def test_any_number_of_branches_that_drive_nothing_are_one_way(routines: dict[str, str]) -> None:
+    """Of sixty-five there would be more ways than are followed."""
+    run = runs(main="m; " + "IF DInput(di)=1 rIdle; " * 65 + "m;", **routines)
+    assert ([way.order.tolist() for way in run.ways], run.open) == ([[0, 1]], False)
+
+
+@pytest.mark.parametrize(("data", "order"), [
+    ("VAR bool bBack:=TRUE;", [1, 0]), ("VAR bool bBack:=FALSE;", None), ("", None)])
+def test_of_several_ways_that_of_the_values_in_the_file_is_the_order(data: str, order: list[int] | None) -> None:
+    """A module's data, which somebody may have changed: there are two ways, and theirs comes first; the text's own is none."""
+    run = runs(data, main="IF bBack THEN rB; rA; ELSE rA; rB; ENDIF", rA="m;", rB="m;")
+    assert {tuple(way.order.tolist()) for way in run.ways} == {(0, 1), (1, 0)}
+    assert (None if run.order is None else run.order.tolist()) == order
