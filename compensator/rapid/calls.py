@@ -236,7 +236,6 @@ class _Run:
             ended = self._block(loop.body, scope, branch) if turns else ""
             behind = len(self.driven)
             if self.switched != switched and not ended and (turns > 1 or loop.head.kind == "while"):
-                self.in_branches = set()
                 self._block(loop.body, scope, branch)       # a further turn begins with what this one has switched
         self.in_branches = before
         self._only_may(behind)

@@ -179,6 +179,15 @@ def test_a_routine_may_end_the_loop_that_calls_it(main: str, own: str, order: li
     assert [bool(times > 1) for times in run.times] == [order.count(number) > 1 for number in range(2)]
 
 
+def test_what_ends_a_loop_may_be_a_parameter_or_declared_elsewhere() -> None:
+    run = runs(main="b:=FALSE; n:=0; WHILE NOT b DO m; n:=n+1; IF n=3 b:=TRUE; ENDWHILE m;")
+    assert [way.order.tolist() for way in run.ways] == [[0, 0, 0, 1]]
+    move = f"MoveL {target()},v100,z1,tool0;"
+    text = f"MODULE M\nPROC main()\nrCut 3;\nrCut 2;\nENDPROC\nPROC rCut(num k)\nWHILE TRUE DO\n{move}\nk:=k-1;\n" \
+           "IF k=0 RETURN;\nENDWHILE\nENDPROC\nENDMODULE\n"
+    assert [way.order.tolist() for way in read_rapid(text.encode()).runs.ways] == [[0] * 5]
+
+
 def test_a_variable_of_a_routine_begins_anew_with_each_call() -> None:
     run = runs(main="rA; rA;", rA="VAR num n:=1; m; n:=n+1; IF n=3 m;")
     assert {tuple(way.order.tolist()) for way in run.ways} == {(0, 0)}
@@ -229,6 +238,7 @@ def test_a_function_that_moves_leaves_the_order_open() -> None:
     ({"rCut": "m;", "main": "WHILE n<2 DO rCut; PDispSet shift; Incr n; ENDWHILE"}, [True]),
     ({"rCut": "m;", "main": "WHILE DInput(di)=1 DO rCut; PDispSet shift; ENDWHILE"}, [True]),
     ({"rCut": "m;", "main": "FOR i FROM 1 TO 2 DO rCut; PDispSet shift; PDispOff; ENDFOR"}, [False]),
+    ({"rCut": "m;", "main": "WHILE DInput(di)=1 DO rCut; PDispSet shift; RETURN; ENDWHILE"}, [False]),
     # What one of several branches has switched, or a loop that may have no turn.
     ({"rCut": "m;", "main": "IF DInput(di)=1 THEN PDispSet shift; ELSE PDispOff; ENDIF rCut; PDispOff; m;"}, [True, False]),
     ({"rCut": "m;", "main": "PDispSet shift; IF DInput(di)=1 PDispOff; rCut;"}, [True]),
