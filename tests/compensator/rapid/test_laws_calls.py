@@ -376,3 +376,14 @@ def test_of_several_ways_that_of_the_values_in_the_file_is_the_order(data: str, 
     run = runs(data, main="IF bBack THEN rB; rA; ELSE rA; rB; ENDIF", rA="m;", rB="m;")
     assert {tuple(way.order.tolist()) for way in run.ways} == {(0, 1), (1, 0)}
     assert (None if run.order is None else run.order.tolist()) == order
+
+
+@pytest.mark.parametrize("word", ["FOR i FROM 1 TO 2 DO\n{}ENDFOR\n", "IF DInput(di)=1 THEN\n{}ENDIF\n"])
+def test_what_stands_behind_blocks_too_deep_to_follow_is_driven(word: str) -> None:
+    """A routine called behind a hundred and sixty blocks within blocks, of which the innermost hold a move."""
+    text = "m;"
+    for _ in range(160):
+        text = word.format(text)
+    run = runs(main=f"{text} rCut;", rCut="m;")
+    assert run.times[1] == 1
+    assert run.ways == ()
