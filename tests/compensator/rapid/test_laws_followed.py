@@ -188,3 +188,14 @@ def test_a_loop_whose_calls_drive_all_moves_is_the_cell_that_waits_for_the_next_
     read = read_rapid(f"MODULE M\n{text}ENDMODULE\n".encode()).toolpath
     assert {way.turns[0] for way in read.ways} == turns
     assert (None if read.driven is None else read.driven.tolist()) == (None if main_first else [*range(len(read))][::-1])
+
+
+@pytest.mark.parametrize(("call", "ways"), [
+    ("rPass;", {(1,)}), ("rPass\\bFine;", {(0, 1)}), ("rPass \\nDeep:=2;", {(1,)}), ("rPass\\nDeep:=2\\bFine;", {(0, 1)}),
+    ("rPass; rPass\\bFine;", {(1, 0, 1)}), ("rPass\\bFine?bAny;", {(0, 1), (1,)})])
+@pytest.mark.parametrize("asks", ["IF Present(bFine) THEN\n", "IF NOT (Present(bFine)=FALSE) THEN\n"])
+def test_an_optional_argument_is_present_where_a_call_gives_it(call: str, ways: set[tuple[int, ...]], asks: str) -> None:
+    """Of one that is handed on only if it is present itself (`?`) it is not known."""
+    text = f"PROC main()\n{call}\nENDPROC\nPROC rPass(\\switch bFine,\\num nDeep)\n{asks}{A}ENDIF\n{B}ENDPROC\n"
+    found = read_rapid(f"MODULE M\n{text}ENDMODULE\n".encode()).runs.ways
+    assert {tuple(way.order.tolist()) for way in found} == ways
