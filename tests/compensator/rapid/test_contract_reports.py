@@ -248,3 +248,11 @@ def test_text_that_is_no_statement_is_told_where_it_begins(text: str, line: int)
     found = told(read_rapid(text.encode()).toolpath, "CS2030")
     said = "the text from here to the end of the file is no RAPID statement and was skipped"
     assert found == ([("warning", said, line, None, 1)] if line else [])
+
+
+@pytest.mark.parametrize(("text", "started"), [
+    ("MODULE M\nPROC {}()\n{}ENDPROC\nENDMODULE\n", False), ("PROC {}()\n{}ENDPROC\n", False), ("! {}\n{}", True)])
+def test_a_program_starts_in_a_file_with_main_or_with_moves_alone(text: str, started: bool) -> None:
+    """Of one with other routines the file that calls them is not at hand."""
+    for name, here in (("rCut", started), ("Main", True)):
+        assert read_rapid(text.format(name, NAMED.format(target(1))).encode()).toolpath.others.started == here
