@@ -387,3 +387,9 @@ def test_what_stands_behind_blocks_too_deep_to_follow_is_driven(word: str) -> No
     run = runs(main=f"{text} rCut;", rCut="m;")
     assert run.times[1] == 1
     assert run.ways == ()
+
+
+@pytest.mark.parametrize(("main", "ways"), [
+    ("WHILE bReady DO rCut; rCut; ENDWHILE", {(0, 0)}), ("WHILE bReady DO rCut; m; rCut; ENDWHILE", {(1, 0, 1)})])
+def test_a_cell_that_calls_a_routine_twice_waits_for_the_next_part_too(main: str, ways: set[tuple[int, ...]]) -> None:
+    assert {tuple(way.order.tolist()) for way in runs(main=main, rCut="m;").ways} == ways
