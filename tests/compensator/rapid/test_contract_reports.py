@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+import numpy as np
 import pytest
 
 from compensator.rapid import JOINED, read_rapid
@@ -256,3 +257,19 @@ def test_a_program_starts_in_a_file_with_main_or_with_moves_alone(text: str, sta
     """Of one with other routines the file that calls them is not at hand."""
     for name, here in (("rCut", started), ("Main", True)):
         assert read_rapid(text.format(name, NAMED.format(target(1))).encode()).toolpath.others.started == here
+
+
+@pytest.mark.parametrize(("share", "codes"), [("50+50", []), ("50+40", ["CS2061"])])
+def test_a_share_of_the_speed_may_be_worked_out(share: str, codes: list[str]) -> None:
+    toolpath = read(f"VelSet {share},5000; {NAMED.format(target(1))}")
+    found = [one for one in toolpath.findings if one.code == "CS2061"]
+    assert [one.code for one in found] == codes
+    assert all(f"VelSet {share},5000" in one.message for one in found)
+
+
+def test_the_variable_of_a_loop_hides_a_constant_of_its_name() -> None:
+    """A call keeps the loop from being followed turn by turn: where its move goes is not known, and not five millimetres on."""
+    toolpath = read("FOR n FROM 1 TO 3 DO MoveL Offs(p1,n,0,0),v100,z1,tool0; rOther; ENDFOR ",
+                    f"CONST num n:=5;\nCONST robtarget p1:={target(1)};")
+    assert toolpath.block[0] != ""
+    assert np.isnan(toolpath.position[0, 0])

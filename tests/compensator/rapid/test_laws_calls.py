@@ -393,3 +393,9 @@ def test_what_stands_behind_blocks_too_deep_to_follow_is_driven(word: str) -> No
     ("WHILE bReady DO rCut; rCut; ENDWHILE", {(0, 0)}), ("WHILE bReady DO rCut; m; rCut; ENDWHILE", {(1, 0, 1)})])
 def test_a_cell_that_calls_a_routine_twice_waits_for_the_next_part_too(main: str, ways: set[tuple[int, ...]]) -> None:
     assert {tuple(way.order.tolist()) for way in runs(main=main, rCut="m;").ways} == ways
+
+
+@pytest.mark.parametrize(("routine", "ways"), [("rOwn", SKIPPED), ("rOther", BOTH)])
+def test_a_routine_of_the_file_changes_what_it_assigns_alone(routine: str, ways: set[tuple[int, ...]]) -> None:
+    run = runs("VAR num n;", main=f"m; n:=1; {routine}; IF n=2 m; m;", rOwn="WaitTime 1;")
+    assert {tuple(way.order.tolist()) for way in run.ways} == ways
