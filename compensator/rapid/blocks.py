@@ -44,6 +44,11 @@ class Block:
     items: list[Step | Loop | Fork] = field(default_factory=list)
     stop: int = 0
 
+    @property
+    def fails(self) -> bool:
+        """Whether it ends in an error, where nothing in it decides that."""
+        return any(isinstance(item, Step) and item.kind == "jump" and item.name == "raise" for item in self.items)
+
     def loops(self) -> Iterator[Loop]:
         """All loops in it, the inner ones, too."""
         for item in self.items:

@@ -13,12 +13,12 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from compensator.rapid.blocks import DEEPEST, Arm, Block, Fork, Loop, Routine, Step
-from compensator.rapid.moves import DISPLACEMENT, SOFT_SERVO
-from compensator.rapid.runs import Driven, Runs, Taken
+from compensator.rapid.moves import SWITCHES
+from compensator.rapid.runs import Driven, Runs, Taken, covered
 from compensator.rapid.runtime import MOTION, Parameter
 from compensator.rapid.scopes import Scope
 from compensator.rapid.values import Values
-from compensator.rapid.variables import MOST_TURNS, UNKNOWN, Known, Variables
+from compensator.rapid.variables import MOST_TURNS, UNKNOWN, Known, State, Variables
 from compensator.rapid.ways import Choices, Open, ways_of
 
 # No more calls are followed: routines that call each other double with every level.
@@ -48,7 +48,7 @@ def runs_of(
     moving = _moving(routines, numbers)
     run = _Run(routines, numbers, moving, variables, count, elsewhere)
     run.drive_all(roots)
-    total = _covered((stretch.first, stretch.stop) for stretch in run.driven)
+    total = covered((stretch.first, stretch.stop) for stretch in run.driven)
 
     def drive(choices: Choices) -> list[Driven]:
         way = _Run(routines, numbers, moving, variables, count, elsewhere, choices, total, uncounted=run.uncounted)
@@ -57,22 +57,13 @@ def runs_of(
 
     # A function is called where its value is asked for, which is not looked at.
     asked = any(routine.kind == "func" and routine.stop > routine.first for routine in routines)
-    runs = Runs(tuple(run.driven), count)
+    runs = Runs(tuple(run.driven), count, besides=frozenset(run.besides))
     if len(numbers) == len(routines) and not asked:
         try:
             runs = replace(runs, ways=ways_of(drive))
         except Open as stopped:
             runs = replace(runs, open=stopped.many, unsettled=stopped.start)
     return replace(runs, uncounted=tuple(sorted(run.uncounted)))
-
-
-def _covered(stretches: Iterable[tuple[int, int]]) -> int:
-    """How many targets stand in stretches first ... stop - 1, which may lie on each other."""
-    count = end = 0
-    for first, stop in sorted(stretches):
-        count += max(0, stop - max(first, end))
-        end = max(end, stop)
-    return count
 
 
 def _moving(routines: Sequence[Routine], numbers: Mapping[str, int]) -> frozenset[int]:
@@ -101,13 +92,13 @@ class _Run:
     elsewhere: Container[int]
     choices: Choices | None = None
     total: int = 0                                                  # targets that are driven at all
-    displaced: bool = False
-    soft: bool = False
+    switched: frozenset[str] = frozenset()                          # what is on (moves.py: SWITCHES)
     calls: int = 0
     length: int = 0
     deep: int = 0
     blocks: int = 0
     driven: list[Driven] = field(default_factory=list)
+    besides: set[Driven] = field(default_factory=set)               # further ones, which are not counted again
     under_way: list[int] = field(default_factory=list)
     start: int = -1                                                 # of the call that led to where the run stands
     in_branches: set[str] = field(default_factory=set)              # routines that branches of this routine call
@@ -174,7 +165,7 @@ class _Run:
         if self.apart:
             self.uncounted.add((self.driven[-1].stop - 1 if self.driven else -1, first))
         self.apart = False
-        self.driven.append(Driven(first, stop, self.displaced, self.soft, self.start))
+        self.driven.append(Driven(first, stop, self.switched, self.start))
         self.length += stop - first
         if self.length > max(OFTEN * self.count, MANY):
             self._not_followed()
@@ -196,17 +187,24 @@ class _Run:
         ended = ""
         if step.name in LATE:
             self._not_followed(step.start)
-        elif step.name in DISPLACEMENT:
-            self.displaced = DISPLACEMENT[step.name]
-        elif step.name in SOFT_SERVO:
-            self.soft = SOFT_SERVO[step.name]
-        elif step.name in self.numbers and not (self.choices is None and branch and step.name in self.in_branches):
-            # Of several branches that call the same routine one is taken.
+        elif step.name in SWITCHES:
+            what, on = SWITCHES[step.name]
+            self.switched = self.switched | {what} if on else self.switched - {what}
+        elif step.name in self.numbers:
+            again = self.choices is None and branch and step.name in self.in_branches
             self.in_branches |= {step.name} if branch else set()
+            begin = len(self.driven)
             ended = self._drive(self.numbers[step.name], step, scope)
+            if again:           # of several branches that call the same routine one is taken
+                self._only_may(begin)
         self.apart |= self._uncounted(step)
         self.variables.take(step, scope)
         return ended
+
+    def _only_may(self, begin: int) -> None:
+        """Counts what was driven from there on no further time: it tells what may be switched on then."""
+        self.besides.update(self.driven[begin:])
+        del self.driven[begin:]
 
     def _moves(self, block: Block) -> bool:
         """Whether it matters for the order of the moves that a block is done."""
@@ -230,31 +228,44 @@ class _Run:
             known = self._truth(loop.head, scope)
             sure = known == Known(True)
             turns = 0 if known == Known(False) else 1 + self.variables.changes(loop.body, loop.head)
-        begin = len(self.driven)
+        begin, switched = len(self.driven), self.switched
         before, self.in_branches = self.in_branches, set()
         with self.variables.loop(name):
             self.variables.hold(name, UNKNOWN)
             self.variables.skip(loop.body, scope)
             ended = self._block(loop.body, scope, branch) if turns else ""
+            behind = len(self.driven)
+            if self.switched != switched and not ended and (turns > 1 or loop.head.kind == "while"):
+                self._block(loop.body, scope, branch)       # a further turn begins with what this one has switched
         self.in_branches = before
+        self._only_may(behind)
         turn = self.driven[begin:]
         if len(turn) > LONGEST_TURN:
             turn = list(dict.fromkeys(turn))
         self.driven[begin:] = 2 * turn if turns > 1 else turn
-        return ended if sure else ""        # a loop of no turn goes on behind it
+        if not sure:                        # a loop of no turn goes on behind it
+            self.switched |= switched
+        return ended if sure else ""
+
+    def _bodies(self, loop: Loop) -> list[Block]:
+        """What a loop does: its body, and those of the routines that it calls."""
+        bodies = [loop.body]
+        called: set[int] = set()
+        for body in bodies:
+            more = {self.numbers[step.name] for step in body.steps() if step.kind == "call" and step.name in self.numbers}
+            bodies += [self.routines[number].body for number in more - called]
+            called |= more
+        return bodies
 
     def _not_all(self, loop: Loop) -> bool:
         """Whether there are moves beside those of a loop: else it is the cell that waits for the next part."""
-        bodies, waiting = [loop.body], [loop.body]
-        called: set[int] = set()
-        while waiting:
-            for step in waiting.pop().steps():
-                number = self.numbers.get(step.name, -1) if step.kind == "call" else -1
-                if number >= 0 and number not in called:
-                    called.add(number)
-                    waiting.append(self.routines[number].body)
-                    bodies.append(self.routines[number].body)
-        return _covered((body.first, body.stop) for body in bodies) < self.total
+        return covered((body.first, body.stop) for body in self._bodies(loop)) < self.total
+
+    def _may_end(self, loop: Loop) -> bool:
+        """Whether something that a loop does may end it: it leaves, or assigns what the condition asks for."""
+        return any(self.variables.assigns(step, loop.head) or (step.kind == "jump" and (
+            step.name.startswith("exit") or (step.name == "return" and body is loop.body)))
+            for body in self._bodies(loop) for step in body.steps())
 
     def _openly(
         self, loop: Loop, scope: Scope, branch: bool, choices: Choices, values: Sequence[float] | None = None, name: str = "",
@@ -304,13 +315,19 @@ class _Run:
 
     def _while(self, loop: Loop, scope: Scope, branch: bool, choices: Choices) -> str:
         counts = self.variables.changes(loop.body, loop.head)
-        before: list[Known] = []
+        ends = not counts and self._may_end(loop)
+        before = list[Known]()
+        told: tuple[int, State | None] = (0, None)          # how many choices were made, and what is known
         for turn in range(MOST_TURNS):
             known, asked = self._truth(loop.head, scope), self.variables.asked(loop.head, scope)
             sure = known.value is not None and not known.stated
-            if (sure and not known.value) or (turn and not counts and (not sure or asked == before)):
+            if (sure and not known.value) or (turn and not counts and not sure):
                 return ""
-            before = asked
+            now = len(choices.made), self.variables.state() if ends else None
+            # A later turn may end it where all that this one did is settled, and has changed something.
+            if turn and not counts and asked == before and (not ends or told[0] < now[0] or told == now):
+                return ""
+            before, told = asked, now
             if not sure and (counts or self._not_all(loop)):
                 return self._openly(loop, scope, branch, choices, assumed=None if counts else 1)
             ended = self._block(loop.body, scope, branch)
@@ -337,10 +354,15 @@ class _Run:
         if len(possible) == 1:
             return "" if possible[0] is None else self._block(possible[0].body, scope, branch)
         if self.choices is None:
+            before = self.switched
+            behind = [before] if None in possible else []
             for arm in possible:
                 if arm is not None:
-                    self._block(arm.body, scope, branch=True)
+                    self.switched = before
+                    if not self._block(arm.body, scope, branch=True):
+                        behind.append(self.switched)
                     self.variables.skip(arm.body, scope)
+            self.switched = frozenset().union(*behind) if behind else before        # all that may be on
             return ""
         if not any(self._moves(arm.body) for arm in possible if arm is not None):
             for arm in possible:
@@ -348,7 +370,7 @@ class _Run:
                     self._skip(arm.body, scope)
             return ""
         # A pass that ends in an error is none.
-        possible = [arm for arm in possible if arm is None or not _fails(arm.body)] or possible
+        possible = [arm for arm in possible if arm is None or not arm.body.fails] or possible
         by_file = next((k for k, arm in enumerate(possible) if stated and arm is stated[0]), -1)
         choice = self.choices.choose(len(possible), max(by_file, 0))
         arm = possible[choice]
@@ -374,8 +396,3 @@ class _Run:
                 return possible, stated
         possible.append(None)
         return possible, stated or ([None] if told else [])
-
-
-def _fails(block: Block) -> bool:
-    """Whether a block ends in an error, where nothing in it decides that."""
-    return any(isinstance(item, Step) and item.kind == "jump" and item.name == "raise" for item in block.items)

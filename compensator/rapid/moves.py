@@ -30,6 +30,9 @@ SOFT_SERVO = {"softact": True, "softdeact": False, "cssact": True, "cssdeactmove
 """Instructions that let the controller give way under load, or hold again: soft servo, its Cartesian kind, force control."""
 AXIS_OFFSET = {"eoffson": True, "eoffsset": True, "eoffsoff": False}
 """Instructions that switch an offset of the external axes on or off."""
+SWITCHES = {name: (what, on) for what, names in (("displaced", DISPLACEMENT), ("soft", SOFT_SERVO), ("offset", AXIS_OFFSET))
+            for name, on in names.items()}
+"""What these switch, and whether on: it holds for all moves behind them, in called routines too."""
 OVERRIDE = {"velset": "VelSet", "speedrefresh": "SpeedRefresh"}
 """Instructions that change the speed of all moves behind them, as they are written."""
 UNIT_SWITCH = {"actunit": True, "deactunit": False}

@@ -80,10 +80,11 @@ def read_rapid(
     external = external[setting] if not np.isnan(external).all() else np.broadcast_to(np.nan, (count, 6))
     line, column = locate(source, np.asarray(scanned.start, dtype=np.int64))
     column = held_once(column)              # a post-processor begins all lines alike
-    displaced = np.array([shift for _, shift in scanned.shifts])[_held(scanned.shifts, count)] | runs.displaced
+    displaced = np.array([shift for _, shift in scanned.shifts])[_held(scanned.shifts, count)] | runs.under("displaced")
     displaced = displaced & ~absolute
-    soft = np.array([on for _, on in scanned.softened])[_held(scanned.softened, count)] | runs.soft
-    offset = np.array([on for _, on in scanned.offsets])[_held(scanned.offsets, count)] & ~np.isnan(external).all(axis=1)
+    soft = np.array([on for _, on in scanned.softened])[_held(scanned.softened, count)] | runs.under("soft")
+    offset = np.array([on for _, on in scanned.offsets])[_held(scanned.offsets, count)] | runs.under("offset")
+    offset = offset & ~np.isnan(external).all(axis=1)
     together = np.array([tail.together for tail in scanned.tails] or [False])[tails.tail]
     places = Places(source, line, column)
     undeclared = {problem.name.lower() for problem in rows.problems if problem.name}

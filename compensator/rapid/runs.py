@@ -14,12 +14,12 @@ Indices = NDArray[np.intp]
 
 
 class Driven(NamedTuple):
-    """Targets first ... stop - 1 as they are driven; start: offset of the call that led there, -1 for none."""
+    """Targets first ... stop - 1 as they are driven; switched: what is on then; start: offset of the call that led there, -1
+    for none."""
 
     first: int
     stop: int
-    displaced: bool
-    soft: bool
+    switched: frozenset[str]
     start: int
 
 
@@ -31,6 +31,15 @@ class Taken(NamedTuple):
     none: bool
     stated: bool
     turns: int | None = None
+
+
+def covered(stretches: Iterable[tuple[int, int]]) -> int:
+    """How many targets stand in stretches first ... stop - 1, which may lie on each other."""
+    count = end = 0
+    for first, stop in sorted(stretches):
+        count += max(0, stop - max(first, end))
+        end = max(end, stop)
+    return count
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +65,8 @@ class Runs:
     """One run of a program: its stretches in the order in which they are driven, of branches that are not known all of them.
     ways: those it may go, that of the file's values first; none where the text does not settle how often moves are driven.
     open: they are too many to follow; unsettled: offset of what they cannot be followed through, -1 for nothing. uncounted:
-    targets one behind the other between which the program drives to others, which are not counted (TriggL, SearchL)."""
+    targets one behind the other between which the program drives to others, which are not counted (TriggL, SearchL). besides:
+    stretches of further turns or branches, which tell what may be switched on there."""
 
     driven: tuple[Driven, ...]
     count: int
@@ -64,21 +74,13 @@ class Runs:
     open: bool = False
     unsettled: int = -1
     uncounted: tuple[tuple[int, int], ...] = ()
+    besides: frozenset[Driven] = frozenset()
 
-    @property
-    def displaced(self) -> Mask:
-        """The targets (N,) that a displacement shifts when they are driven."""
-        return self._within(stretch for stretch in self.driven if stretch.displaced)
-
-    @property
-    def soft(self) -> Mask:
-        """The targets (N,) that are driven while the controller gives way."""
-        return self._within(stretch for stretch in self.driven if stretch.soft)
-
-    def _within(self, stretches: Iterable[Driven]) -> Mask:
+    def under(self, what: str) -> Mask:
+        """The targets (N,) that may be driven while this is on: "displaced", "soft", "offset" (moves.py: SWITCHES)."""
         within = np.zeros(self.count, dtype=bool)
-        for stretch in stretches:
-            within[stretch.first:stretch.stop] = True
+        for stretch in (*self.driven, *self.besides):
+            within[stretch.first:stretch.stop] |= what in stretch.switched
         return within
 
     @property
@@ -88,7 +90,10 @@ class Runs:
         for stretch in self.driven:
             change[stretch.first] += 1
             change[stretch.stop] -= 1
-        return np.cumsum(change)[:-1]
+        times = np.cumsum(change)[:-1]
+        # Where the text settles it a WHILE may be driven more often than it shows (calls.py).
+        return np.maximum(times, np.minimum(np.bincount(self.ways[0].order, minlength=self.count), 2)) if len(
+            self.ways) == 1 else times
 
     @property
     def order(self) -> Indices | None:

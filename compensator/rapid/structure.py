@@ -7,7 +7,16 @@ from itertools import pairwise
 from compensator.rapid.blocks import JUMPS, Routine, Step
 from compensator.rapid.expressions import Cursor
 from compensator.rapid.lexer import OPERATORS, Token, ends_operand, tokens
-from compensator.rapid.moves import ARGUMENTS, AXIS_OFFSET, DISPLACEMENT, OVERRIDE, SOFT_SERVO, UNIT_SWITCH, parse_move
+from compensator.rapid.moves import (
+    ARGUMENTS,
+    AXIS_OFFSET,
+    DISPLACEMENT,
+    OVERRIDE,
+    SOFT_SERVO,
+    SWITCHES,
+    UNIT_SWITCH,
+    parse_move,
+)
 from compensator.rapid.runtime import HARMLESS, MOTION, Parameter
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Declaration, Scope
@@ -155,7 +164,7 @@ class Statements:
         name = words[0].word
         if name in JUMPS:
             self._step("jump", name, words[0].start, words[-1].end)
-        elif name in DISPLACEMENT or name not in HARMLESS:
+        elif name in SWITCHES or name not in HARMLESS:
             self._step("call", name, words[0].start, words[-1].end)
         if name in DISPLACEMENT:
             self.scan.shifts.append((len(self.scan.move), DISPLACEMENT[name]))

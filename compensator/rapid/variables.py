@@ -34,6 +34,8 @@ class Known(NamedTuple):
 
 
 UNKNOWN = Known(None)
+# What is known of declared data by their numbers, of others by their names, and of what the routine itself has.
+State = tuple[dict[int, Known], dict[str, Known], dict[str, Known]]
 
 
 class Turns(NamedTuple):
@@ -212,6 +214,15 @@ class Variables:
             if step.kind == "call" and step.name in COUNTS and len(words) > 1 and words[1].word in asked:
                 return True
         return False
+
+    def assigns(self, step: Step, condition: Step) -> bool:
+        """Whether a step may assign what a condition asks for."""
+        return not self._changed(step).isdisjoint(word.word for word in words_of(self.values.source, condition)[1:])
+
+    def state(self) -> State:
+        """All that is known at this moment."""
+        declared = {number: self._now[number] if number in self._now else self._at_start(number) for number in self._own}
+        return declared, self._elsewhere.copy(), self._frames[-1].copy()
 
     def asked(self, head: Step, scope: Scope) -> list[Known]:
         """The values of the names in the condition of a WHILE."""

@@ -30,12 +30,10 @@ class Cutters:
         """CUTTER or TLDATA."""
         self._last = statement
 
-    def comment(self, statement: Statement) -> bool:
-        """Whether a comment is Creo's cutter."""
-        if _CREO.fullmatch(statement.text.strip()) is None:
-            return False
-        self._last = statement
-        return True
+    def comment(self, statement: Statement) -> None:
+        """A comment, which may be Creo's cutter."""
+        if _CREO.fullmatch(statement.text.strip()) is not None:
+            self._last = statement
 
     def moves(self, scale: float) -> None:
         """A motion with the cutter in force. scale: metres in one unit of the file."""

@@ -322,8 +322,9 @@ class _Reader:
 
     def comment(self, statement: Statement) -> None:
         """The name of an operation is kept."""
-        known = self.cutters.comment(statement) or self.setup.comment(statement)
-        if not known and statement.text.upper().startswith("OPERATION NAME"):
+        self.cutters.comment(statement)
+        self.setup.comment(statement)
+        if statement.text.upper().startswith("OPERATION NAME"):
             self._remark(statement.text)
 
     def fini(self, statement: Statement) -> None:

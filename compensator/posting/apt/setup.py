@@ -68,18 +68,17 @@ class Setup:
             raise statement.fail("CS2110", "found a second coordinate system; a program is posted in one work object",
                                  hint="let the CAM system write all operations in one coordinate system, or one file each")
 
-    def comment(self, statement: Statement) -> bool:
-        """Whether a comment belongs to a coordinate system: CATIA's *CATIA0, a name, three rows of four numbers; Creo's
-        CSYS."""
+    def comment(self, statement: Statement) -> None:
+        """A comment, which may belong to a coordinate system: CATIA's *CATIA0, a name, three rows of four numbers; Creo's
+        CSYS. Raises CompstiffError (CS2110, CS2182)."""
         creo = _CREO_CSYS.fullmatch(statement.text)
         if creo is not None:
             self._creo(creo[1], statement)
-            return True
         if statement.text.upper().startswith("*CATIA0"):
             self._matrix = []
-            return True
+            return
         if self._matrix is None:
-            return False
+            return
         try:
             self._matrix += [float(word) for word in statement.text.split()]
         except ValueError:
@@ -88,7 +87,6 @@ class Setup:
         if self._matrix is not None and len(self._matrix) >= 12:
             self._frame(tuple(self._matrix), statement)
             self._matrix = None
-        return True
 
     def _creo(self, text: str, statement: Statement) -> None:
         """Raises CompstiffError (CS2182) where Creo's coordinate system is not that of the machine."""

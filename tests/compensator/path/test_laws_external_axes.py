@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import compstiff
 from compensator.correction.engagement import across_feed
+from compensator.path.driven_path import driven_path
 from compensator.path.external_axes import _share_of_arc, external_axes, standing_values
 from compensator.path.legs import Poses, build_legs
 from compensator.path.robot_path import RobotPath, robot_path
@@ -243,3 +244,32 @@ def test_the_limits_are_those_of_the_joints_and_of_the_axes_that_are_driven(tmp_
     unjudged = planned(CarriedJob(tmp_path, LINES, on="both"))
     np.testing.assert_allclose(unjudged.limits.speed, robot.speed)
     assert [axis.name for axis in unjudged.axes.unjudged] == ["eax_a", "eax_b", "eax_c"]
+
+
+@pytest.mark.parametrize(("unsaid", "order", "there"), [
+    (None, [0, 2, 1, 3], True), (None, [1, 0, 2, 3], False),
+    (2, [0, 2, 1, 3], False), (2, [0, 1, 2, 1, 3], True)])
+def test_a_way_as_driven_is_told_where_the_axes_stand_as_in_the_text(
+        tmp_path: Path, unsaid: int | None, order: list[int], there: bool) -> None:
+    """Each target says where the slide is, or one does not, which is then met where the one before it was; and the path over
+    the part is that of the first target's slide, whichever is driven first."""
+    path = planned(CarriedJob(tmp_path, LINES, on="slide"))
+    external = path.toolpath.external.copy()
+    if unsaid is not None:
+        external[unsaid] = np.nan
+    path = robot_path(replace(path.toolpath, external=external), path.cell)
+    driven = driven_path(path, np.array(order))
+    assert (driven is not None) == there
+    if driven is not None:
+        np.testing.assert_array_equal(driven.run.axes.values, path.axes.values[order])
+
+
+def test_a_base_that_moves_while_the_table_stands_is_met_where_it_is(tmp_path: Path) -> None:
+    """One axis of three moves: the slide, by 50 mm a target; the table stands at 12 and -20 degrees."""
+    job = CarriedJob(tmp_path, LINES, on="both", ends=np.array([[950.0, 12.0, -20.0], [800.0, 12.0, -20.0]]))
+    path = planned(job)
+    assert (path.axes.moves, path.axes.base_moves) == (True, True)
+    origin, turned = job.stands(job.values)
+    points = np.array([pose.p for pose in job.poses])
+    np.testing.assert_allclose(path.base_from_tcp.position, origin + turned.apply(points), atol=5e-7)
+    assert np.ptp(origin @ [0.6, 0.64, -0.48]) > 0.1

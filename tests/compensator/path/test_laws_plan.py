@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from compensator.path import configurations
 from compensator.path.arc_length import arc_length, polyline
+from compensator.path.configurations import Held
+from compensator.path.legs import Poses
 from compensator.path.robot_path import RobotPath, robot_path
+from compensator.path.route import build_route
 from compensator.rapid import read_rapid
 from compensator.toolpath import Move
 from identification.model.cell import read_cell
@@ -248,3 +252,42 @@ def test_a_configuration_is_guessed_among_those_inside_the_limits(tmp_path: Path
     """The arm turned round, or folded the other way, would be nearer to zero, and axes 2 and 3 do not reach so far."""
     move = joint(theta).replace(str(configuration(robot(), np.radians([theta]))[0].tolist()), "cfThere")
     assert_allclose(np.degrees(planned(tmp_path, move).theta), [theta], atol=1e-6)
+
+
+@pytest.mark.parametrize(("theta", "cfx"), [
+    ([5, 10, 20, 10, 50, 0], 0), ([5, 10, 20, -170, -50, 180], 1), ([5, 10, 20, -170, -50, -180], 1)])
+def test_a_line_is_driven_with_the_wrist_either_way_over(tmp_path: Path, theta: list[float], cfx: int) -> None:
+    """The same line from the same place: as the arm stands at its start it stands all along, at the joint angles planned."""
+    there = [angle + by for angle, by in zip(theta, [4, 3, -2, 1, 2, -1], strict=True)]
+    path = planned(tmp_path, joint(theta), linear(there))
+    assert configuration(robot(), path.theta)[:, 3].tolist() == [cfx, cfx]
+    route = build_route(path, Poses(path.base_from_tcp, path.theta))
+    assert not route.lost.any()
+    assert_allclose(np.degrees(route.theta[[0, -1]]), [theta, there], atol=1e-6)
+    assert np.degrees(np.abs(np.diff(route.theta, axis=0))).max() < 2
+
+
+@pytest.mark.parametrize(("failed", "reserve", "chosen"), [
+    ({}, {7: 0.3}, 7),                                  # most reserve
+    ({}, {}, 0),                                        # the first of equal ones
+    ({0: 0, 1: 3}, {7: 0.3}, 7),
+    (dict.fromkeys(range(24), 0) | {5: 2, 9: 4}, {}, 9),        # none is whole: the one that gets farthest
+    (dict.fromkeys(range(24), 0) | {5: 2, 9: 4, 11: -1}, {}, 11),
+    (dict.fromkeys(range(1, 24), 4) | {0: 0}, {}, 1)])
+def test_the_tool_is_turned_where_most_reserve_is_left_or_where_it_gets_farthest(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failed: dict[int, int], reserve: dict[int, float], chosen: int
+) -> None:
+    """Of the directions every 15 degrees, from x towards y, of which each breaks down at a target or goes all along."""
+    runs = iter(range(24))
+
+    def held(*_: object, **__: object) -> Held:
+        number = next(runs)
+        at = failed.get(number, -1)
+        return Held(np.zeros((9, 6)), reserve.get(number, 0.1) if at < 0 else 0.0, 0, "", at)
+
+    monkeypatch.setattr(configurations, "hold", held)
+    best = configurations.best_direction(read_cell(write_cell(tmp_path)), np.zeros((9, 3)), np.tile([0.0, 0, 1], (9, 1)))
+    assert best is not None
+    angle = np.radians(15 * chosen)
+    assert best[1] == pytest.approx(angle)
+    assert_allclose(best[0], [np.cos(angle), np.sin(angle), 0], atol=1e-12)

@@ -173,3 +173,10 @@ def test_rows_and_columns_with_few_diagonals_are_an_order(diagonal: int, told: b
         start = np.array([0.5 * number, 0, 0])
         points += [start, start + 100 * np.array([np.cos(angle), np.sin(angle), 0])]
     assert len(messages(points)) == told
+
+
+@pytest.mark.parametrize("air", [True, False])
+def test_what_lies_between_two_moves_in_the_air_is_no_disorder(air: bool) -> None:
+    """Sixty places, from one to the next but five: holes that are drilled in any order, where each other move is in the air."""
+    points = star(62, SIXTH)
+    assert len(messages(points, np.arange(62) % 2 == 0 if air else None)) == (not air)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+import numpy as np
 import pytest
 
 from compensator.rapid import JOINED, read_rapid
@@ -188,6 +189,20 @@ def test_what_moves_a_target_at_run_time_is_told_for_each_and_the_first_reason_h
     assert toolpath.block.tolist() == ["", corr, "pB is not declared in this file", soft, axis, ""]
 
 
+@pytest.mark.parametrize(("main", "told_of"), [
+    ("EOffsSet eA; rCut; EOffsOff; rFree;", [1]), ("EOffsSet eA; EOffsOff; rCut; rFree;", []),
+    ("rFree; EOffsSet eA; rCut;", [1]), ("FOR i FROM 1 TO 2 DO rCut; EOffsOn pA; ENDFOR", [1])])
+def test_an_offset_of_the_axes_goes_along_with_the_calls(main: str, told_of: list[int]) -> None:
+    """To the routine that a program calls while it is on; a target without an external axis is not concerned."""
+    axes = target(1).replace("[9E9,", "[5,", 1)
+    routines = (f"PROC rCut()\n{NAMED.format(target(0))}{NAMED.format(axes)}ENDPROC\n"
+                f"PROC rFree()\n{NAMED.format(axes)}ENDPROC\n")
+    toolpath = read_rapid(f"MODULE M\n{routines}PROC main()\n{main}\nENDPROC\nENDMODULE\n".encode()).toolpath
+    found = told(toolpath, "CS4501")
+    assert [(level, place[1:]) for level, _, *place in found] == [("warning", [1, 1])] * bool(told_of)
+    assert [bool(why) for why in toolpath.block] == [number in told_of for number in range(3)]
+
+
 def test_frames_are_told_with_their_moves() -> None:
     """Those without numbers here, those that no correction serves, each with its first move and how many."""
     body = "".join(f"MoveL {target(k)},v100,z1,{tail}; " for k, tail in enumerate((
@@ -234,3 +249,27 @@ def test_text_that_is_no_statement_is_told_where_it_begins(text: str, line: int)
     found = told(read_rapid(text.encode()).toolpath, "CS2030")
     said = "the text from here to the end of the file is no RAPID statement and was skipped"
     assert found == ([("warning", said, line, None, 1)] if line else [])
+
+
+@pytest.mark.parametrize(("text", "started"), [
+    ("MODULE M\nPROC {}()\n{}ENDPROC\nENDMODULE\n", False), ("PROC {}()\n{}ENDPROC\n", False), ("! {}\n{}", True)])
+def test_a_program_starts_in_a_file_with_main_or_with_moves_alone(text: str, started: bool) -> None:
+    """Of one with other routines the file that calls them is not at hand."""
+    for name, here in (("rCut", started), ("Main", True)):
+        assert read_rapid(text.format(name, NAMED.format(target(1))).encode()).toolpath.others.started == here
+
+
+@pytest.mark.parametrize(("share", "codes"), [("50+50", []), ("50+40", ["CS2061"])])
+def test_a_share_of_the_speed_may_be_worked_out(share: str, codes: list[str]) -> None:
+    toolpath = read(f"VelSet {share},5000; {NAMED.format(target(1))}")
+    found = [one for one in toolpath.findings if one.code == "CS2061"]
+    assert [one.code for one in found] == codes
+    assert all(f"VelSet {share},5000" in one.message for one in found)
+
+
+def test_the_variable_of_a_loop_hides_a_constant_of_its_name() -> None:
+    """A call keeps the loop from being followed turn by turn: where its move goes is not known, and not five millimetres on."""
+    toolpath = read("FOR n FROM 1 TO 3 DO MoveL Offs(p1,n,0,0),v100,z1,tool0; rOther; ENDFOR ",
+                    f"CONST num n:=5;\nCONST robtarget p1:={target(1)};")
+    assert toolpath.block[0] != ""
+    assert np.isnan(toolpath.position[0, 0])

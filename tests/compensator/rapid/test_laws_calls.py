@@ -126,6 +126,7 @@ SKIPPED, BOTH, ALL = {(0, 2)}, {(0, 1, 2), (0, 2)}, {(0, 1, 2)}
     ("PERS num n:=5;", "m; IF n=5 m; n:=1; m;", BOTH),
     ("CONST num n:=[1];", "m; IF n=1 m; m;", BOTH),
     ("LOCAL VAR num n:=5;", "m; Clear n; IF n=0 m; m;", ALL),
+    ("LOCAL VAR num n:=5;", "m; Add n; IF n=5 m; m;", BOTH),                    # nor what adds nobody knows how much
     ("LOCAL VAR num n:=5;", "m; FOR n FROM 1 TO 1 DO n:=2; IF n=2 m; ENDFOR IF n=5 m;", ALL),
 ])
 def test_data_are_known_as_far_as_nothing_else_can_have_changed_them(data: str, main: str, ways: set[tuple[int, ...]]) -> None:
@@ -147,10 +148,44 @@ def test_what_a_trap_assigns_is_not_known() -> None:
     ("WHILE DInput(di)=1 DO m; RETURN; ENDWHILE m;", {(0,), (1,)}),             # before its first turn, or in it
     ("m; WHILE DInput(di)=1 DO Incr n; ENDWHILE IF n=0 m;", {(0, 1), (0,)}),    # it moves nothing, and counts
     ("WHILE n>=0 DO m; n:=n+1; ENDWHILE m;", set()),                            # without an end
+    # What it asks for is settled by what a turn does to something else, or in a routine; or it is left so.
+    ("WHILE NOT b DO m; Incr n; IF n=3 b:=TRUE; ENDWHILE m;", {(0, 0, 0, 1)}),
+    ("WHILE b=FALSE DO m; n:=n+1; b:=n>=2; ENDWHILE m;", {(0, 0, 1)}),
+    ("WHILE TRUE DO m; n:=n+1; IF n=3 RETURN; ENDWHILE m;", {(0, 0, 0)}),
+    ("WHILE TRUE DO m; n:=n+1; IF n=2 EXIT; ENDWHILE m;", {(0, 0)}),
+    # The cell: it asks somebody, or nothing that its turns change ends it.
+    ("WHILE TRUE DO m; n:=n+1; ENDWHILE m;", {(0, 1)}),
+    ("WHILE TRUE DO m; n:=n+1; IF DInput(di)=1 RETURN; ENDWHILE m;", {(0,), (0, 1)}),
+    ("WHILE NOT b DO m; n:=0; IF n=2 b:=TRUE; ENDWHILE m;", {(0, 1)}),
+    ("WHILE NOT b DO m; Incr n; b:=DInput(di)=1; ENDWHILE m;", {(0, 1)}),
 ])
 def test_loops_are_driven_until_they_end(main: str, ways: set[tuple[int, ...]]) -> None:
-    run = runs("LOCAL VAR num n; LOCAL VAR num k;", main=main)
+    run = runs("LOCAL VAR num n; LOCAL VAR num k; LOCAL VAR bool b;", main=main)
     assert {tuple(way.order.tolist()) for way in run.ways} == ways
+    if len(ways) == 1:
+        [way] = ways
+        assert [bool(times > 1) for times in run.times] == [way.count(number) > 1 for number in range(run.count)]
+
+
+@pytest.mark.parametrize(("main", "own", "order"), [
+    ("WHILE n<2 DO rCut; ENDWHILE m;", "m; Incr n;", [1, 1, 0]),
+    ("WHILE NOT b DO rCut; ENDWHILE m;", "m; Incr n; IF n=3 b:=TRUE;", [1, 1, 1, 0]),
+    ("WHILE TRUE DO rCut; ENDWHILE m;", "m; Incr n; IF n=2 EXIT;", [1, 1]),
+    ("WHILE TRUE DO rCut; ENDWHILE m;", "m; Incr n; IF n=2 RETURN;", [1, 0]),       # from the routine alone
+])
+def test_a_routine_may_end_the_loop_that_calls_it(main: str, own: str, order: list[int]) -> None:
+    run = runs("LOCAL VAR num n; LOCAL VAR bool b;", main=main, rCut=own)
+    assert [way.order.tolist() for way in run.ways] == [order]
+    assert [bool(times > 1) for times in run.times] == [order.count(number) > 1 for number in range(2)]
+
+
+def test_what_ends_a_loop_may_be_a_parameter_or_declared_elsewhere() -> None:
+    run = runs(main="b:=FALSE; n:=0; WHILE NOT b DO m; n:=n+1; IF n=3 b:=TRUE; ENDWHILE m;")
+    assert [way.order.tolist() for way in run.ways] == [[0, 0, 0, 1]]
+    move = f"MoveL {target()},v100,z1,tool0;"
+    text = f"MODULE M\nPROC main()\nrCut 3;\nrCut 2;\nENDPROC\nPROC rCut(num k)\nWHILE TRUE DO\n{move}\nk:=k-1;\n" \
+           "IF k=0 RETURN;\nENDWHILE\nENDPROC\nENDMODULE\n"
+    assert [way.order.tolist() for way in read_rapid(text.encode()).runs.ways] == [[0] * 5]
 
 
 def test_a_variable_of_a_routine_begins_anew_with_each_call() -> None:
@@ -197,15 +232,34 @@ def test_a_function_that_moves_leaves_the_order_open() -> None:
     ({"rOff": "PDispOff;", "rOn": "PDispSet shift;", "main": "rOn; m; rOff; m;"}, [True, False]),
     ({"rCut": "m;", "main": "rCut; PDispSet shift; rCut; PDispOff;"}, [True]),
     ({"rCut": "m;", "main": "PDispSet shift; PDispOff; rCut;"}, [False]),
+    # A further turn begins with what the one before has switched.
+    ({"rCut": "m;", "main": "FOR i FROM 1 TO 2 DO rCut; PDispSet shift; ENDFOR PDispOff; m;"}, [True, False]),
+    ({"rCut": "m;", "main": "FOR i FROM 1 TO 1 DO rCut; PDispSet shift; ENDFOR PDispOff; m;"}, [False, False]),
+    ({"rCut": "m;", "main": "WHILE n<2 DO rCut; PDispSet shift; Incr n; ENDWHILE"}, [True]),
+    ({"rCut": "m;", "main": "WHILE DInput(di)=1 DO rCut; PDispSet shift; ENDWHILE"}, [True]),
+    ({"rCut": "m;", "main": "FOR i FROM 1 TO 2 DO rCut; PDispSet shift; PDispOff; ENDFOR"}, [False]),
+    ({"rCut": "m;", "main": "WHILE DInput(di)=1 DO rCut; PDispSet shift; RETURN; ENDWHILE"}, [False]),
+    # What one of several branches has switched, or a loop that may have no turn.
+    ({"rCut": "m;", "main": "IF DInput(di)=1 THEN PDispSet shift; ELSE PDispOff; ENDIF rCut; PDispOff; m;"}, [True, False]),
+    ({"rCut": "m;", "main": "PDispSet shift; IF DInput(di)=1 PDispOff; rCut;"}, [True]),
+    ({"rCut": "m;", "main": "PDispSet shift; IF DInput(di)=1 THEN PDispOff; ELSE PDispOff; ENDIF rCut;"}, [False]),
+    ({"rCut": "m;", "main": "IF DInput(di)=1 THEN PDispSet shift; RETURN; ENDIF rCut;"}, [False]),
+    ({"rCut": "m;", "rB": "m;", "main": "IF DInput(di)=1 THEN PDispSet shift; rB; ELSE rCut; ENDIF"}, [False, True]),
+    ({"rCut": "m;", "main": "IF DInput(di)=1 THEN rCut; ELSE PDispSet shift; rCut; PDispOff; ENDIF"}, [True]),
+    ({"rCut": "m;", "rB": "m;", "rOn": "PDispSet s;", "main": "IF DInput(di)=1 THEN rOn; rB; PDispOff; ELSE rOn; rCut; ENDIF"},
+     [True, True]),
+    ({"rCut": "m;", "main": "PDispSet shift; FOR i FROM 1 TO nAny DO PDispOff; ENDFOR rCut;"}, [True]),
+    ({"rCut": "m;", "main": "PDispSet shift; FOR i FROM 1 TO 3 DO PDispOff; ENDFOR rCut;"}, [False]),
 ])
 def test_a_displacement_goes_along_with_the_calls(routines: dict[str, str], displaced: list[bool]) -> None:
-    assert runs(**routines).displaced.tolist() == displaced
+    assert runs(**routines).under("displaced").tolist() == displaced
 
 
 @pytest.mark.parametrize(("routines", "soft"), [
     ({"main": "m; SoftAct 1,50; m; SoftDeact; m;"}, [False, True, False]),
     ({"rCut": "m;", "main": "m; SoftAct \\MechUnit:=ROB_1,2,30\\Ramp:=100; rCut; SoftDeact;"}, [True, False]),
     ({"main": "m; FCAct t; m; FCDeact; m;"}, [False, True, False]),
+    ({"rCut": "m;", "main": "FOR i FROM 1 TO 2 DO rCut; SoftAct 1,50; ENDFOR SoftDeact; m;"}, [True, False]),
     ({"main": "m; CSSAct CSS_X; m; CSSDeactMoveL p0,v5,tool0; m;"}, [False, True, False]),
 ])
 def test_what_is_driven_with_a_soft_servo_stays_as_it_is(routines: dict[str, str], soft: list[bool]) -> None:
@@ -306,3 +360,42 @@ def test_loops_that_nobody_counts_have_up_to_eight_turns_of_more_of_them_fewer(l
     found = {tuple(way.order.tolist().count(number) for number in range(loops)) for way in run.ways}
     assert found == (set(product(turns, repeat=loops)) if turns else set())
     assert run.open is not bool(turns)
+
+
+@pytest.mark.parametrize("routines", [{"rIdle": "WaitTime 1;"}, {"rIdle": "rNone;", "rNone": "WaitTime 1;"}])
+def test_any_number_of_branches_that_drive_nothing_are_one_way(routines: dict[str, str]) -> None:
+    """Of sixty-five there would be more ways than are followed."""
+    run = runs(main="m; " + "IF DInput(di)=1 rIdle; " * 65 + "m;", **routines)
+    assert ([way.order.tolist() for way in run.ways], run.open) == ([[0, 1]], False)
+
+
+@pytest.mark.parametrize(("data", "order"), [
+    ("VAR bool bBack:=TRUE;", [1, 0]), ("VAR bool bBack:=FALSE;", None), ("", None)])
+def test_of_several_ways_that_of_the_values_in_the_file_is_the_order(data: str, order: list[int] | None) -> None:
+    """A module's data, which somebody may have changed: there are two ways, and theirs comes first; the text's own is none."""
+    run = runs(data, main="IF bBack THEN rB; rA; ELSE rA; rB; ENDIF", rA="m;", rB="m;")
+    assert {tuple(way.order.tolist()) for way in run.ways} == {(0, 1), (1, 0)}
+    assert (None if run.order is None else run.order.tolist()) == order
+
+
+@pytest.mark.parametrize("word", ["FOR i FROM 1 TO 2 DO\n{}ENDFOR\n", "IF DInput(di)=1 THEN\n{}ENDIF\n"])
+def test_what_stands_behind_blocks_too_deep_to_follow_is_driven(word: str) -> None:
+    """A routine called behind a hundred and sixty blocks within blocks, of which the innermost hold a move."""
+    text = "m;"
+    for _ in range(160):
+        text = word.format(text)
+    run = runs(main=f"{text} rCut;", rCut="m;")
+    assert run.times[1] == 1
+    assert run.ways == ()
+
+
+@pytest.mark.parametrize(("main", "ways"), [
+    ("WHILE bReady DO rCut; rCut; ENDWHILE", {(0, 0)}), ("WHILE bReady DO rCut; m; rCut; ENDWHILE", {(1, 0, 1)})])
+def test_a_cell_that_calls_a_routine_twice_waits_for_the_next_part_too(main: str, ways: set[tuple[int, ...]]) -> None:
+    assert {tuple(way.order.tolist()) for way in runs(main=main, rCut="m;").ways} == ways
+
+
+@pytest.mark.parametrize(("routine", "ways"), [("rOwn", SKIPPED), ("rOther", BOTH)])
+def test_a_routine_of_the_file_changes_what_it_assigns_alone(routine: str, ways: set[tuple[int, ...]]) -> None:
+    run = runs("VAR num n;", main=f"m; n:=1; {routine}; IF n=2 m; m;", rOwn="WaitTime 1;")
+    assert {tuple(way.order.tolist()) for way in run.ways} == ways

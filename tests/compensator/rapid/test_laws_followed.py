@@ -177,9 +177,25 @@ def test_the_moves_that_are_driven_by_what_the_program_itself_assigns(body, decl
     assert found.tolist() == driven
 
 
+@pytest.mark.parametrize("main_first", [True, False])
 @pytest.mark.parametrize(("before", "turns"), [("", set()), (A, set(range(9)))])
-def test_a_loop_whose_calls_drive_all_moves_is_the_cell_that_waits_for_the_next_part(before: str, turns: set[int]) -> None:
-    """Of one with a move beside it each number of turns is a way of its own."""
-    read = path(f"{before}WHILE bReady DO\nrPart;\nENDWHILE\nENDPROC\nPROC rPart()\n{B}rEnd;\nENDPROC\nPROC rEnd()\n{C}")
+def test_a_loop_whose_calls_drive_all_moves_is_the_cell_that_waits_for_the_next_part(
+        before: str, turns: set[int], main_first: bool) -> None:
+    """Of one with a move beside it each number of turns is a way of its own; wherever the routines stand in the text."""
+    routines = [f"PROC main()\n{before}WHILE bReady DO\nrPart;\nENDWHILE\nENDPROC\n",
+                f"PROC rPart()\n{B}rEnd;\nENDPROC\n", f"PROC rEnd()\n{C}ENDPROC\n"]
+    text = "".join(routines if main_first else routines[::-1])
+    read = read_rapid(f"MODULE M\n{text}ENDMODULE\n".encode()).toolpath
     assert {way.turns[0] for way in read.ways} == turns
-    assert read.driven is None
+    assert (None if read.driven is None else read.driven.tolist()) == (None if main_first else [*range(len(read))][::-1])
+
+
+@pytest.mark.parametrize(("call", "ways"), [
+    ("rPass;", {(1,)}), ("rPass\\bFine;", {(0, 1)}), ("rPass \\nDeep:=2;", {(1,)}), ("rPass\\nDeep:=2\\bFine;", {(0, 1)}),
+    ("rPass; rPass\\bFine;", {(1, 0, 1)}), ("rPass\\bFine?bAny;", {(0, 1), (1,)})])
+@pytest.mark.parametrize("asks", ["IF Present(bFine) THEN\n", "IF NOT (Present(bFine)=FALSE) THEN\n"])
+def test_an_optional_argument_is_present_where_a_call_gives_it(call: str, ways: set[tuple[int, ...]], asks: str) -> None:
+    """Of one that is handed on only if it is present itself (`?`) it is not known."""
+    text = f"PROC main()\n{call}\nENDPROC\nPROC rPass(\\switch bFine,\\num nDeep)\n{asks}{A}ENDIF\n{B}ENDPROC\n"
+    found = read_rapid(f"MODULE M\n{text}ENDMODULE\n".encode()).runs.ways
+    assert {tuple(way.order.tolist()) for way in found} == ways

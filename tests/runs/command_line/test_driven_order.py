@@ -42,6 +42,7 @@ def job(folder: Path, path: Path3, main: str, header: str = "x_mm,y_mm,z_mm", fi
     ("VAR num n:=0;\nrHome;\nWHILE n<2 DO\nrCut;\nn:=n+1;\nENDWHILE", True),
     ("VAR num n:=0;\nrHome;\nWHILE n<2 DO\nrCut;\nIncr n;\nENDWHILE", True),
     ('rHome;\n%"rCut"%;\n%"rCut"%;', True),
+    ("VAR num n:=0;\nVAR bool last:=FALSE;\nrHome;\nWHILE NOT last DO\nrCut;\nIncr n;\nlast:=n=2;\nENDWHILE", True),
     ("VAR bool last;\nWHILE NOT last DO\nrCut;\nlast:=TestDI(diLast);\nENDWHILE", False),
 ])
 def test_targets_that_cut_twice_are_told(tmp_path: Path, main: str, told: bool) -> None:
@@ -60,9 +61,10 @@ def test_targets_that_cut_twice_are_told(tmp_path: Path, main: str, told: bool) 
 @pytest.mark.parametrize("first", [False, True])
 def test_a_routine_called_under_a_displacement_is_left_as_it_is(tmp_path: Path, first: bool) -> None:
     shift = "PDispSet [[0,0,-2],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];"
-    result = job(tmp_path, line(20, 10), f"{shift}\nrCut;\nPDispOff;", first=first).correct("--json")
-    assert result.code == 3
-    assert {"CS2015", "CS3086"} <= kit.codes(result)
+    for main in (f"{shift}\nrCut;\nPDispOff;", f"FOR i FROM 1 TO 2 DO\nrCut;\n{shift}\nENDFOR\nPDispOff;"):
+        result = job(tmp_path, line(20, 10), main, first=first).correct("--json")
+        assert result.code == 3
+        assert {"CS2015", "CS3086"} <= kit.codes(result)
 
 
 TURNS = [10, 11, 12, 13, 14, 15, 16, 17, 18, 19, *range(10)]      # of the targets of the text, as driven

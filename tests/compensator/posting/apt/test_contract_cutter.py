@@ -68,7 +68,8 @@ def test_inches(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("words", "said"), [
     ("CUTTER/16,2,6,2,0,5,50", "flank leans by 5"), ("CUTTER/16,0,8,3,31,0,50", "floor leans by 31"),
-    ("CUTTER/16,2,3,2,0,0,50", "rounding"), ("CUTTER/16,9", "corner radius"), ("CUTTER/0", "diameter"),
+    ("CUTTER/16,2,3,2,0,0,50", "rounding"), ("CUTTER/16,2,3,2", "rounding"),
+    ("CUTTER/16,9", "corner radius"), ("CUTTER/0", "diameter"),
     ("TLDATA/MILL,16,2,75,3,0", "flank leans by 3"), ("TLDATA/DRILL,8,118", "no end mill"),
     ("CUTTER/MILL,5", "cannot be read")])
 def test_what_is_not_modelled_is_read_and_refused_for_forces_alone(tmp_path: Path, words: str, said: str) -> None:

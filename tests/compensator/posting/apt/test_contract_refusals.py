@@ -12,6 +12,8 @@ HEAD = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/30,20,5\n"         # three lines
 @pytest.mark.parametrize(("text", "code", "line", "column", "says"), [
     ("GOTO/1,2,x", "CS2101", 4, 10, "'X'|'x'"),
     ("  GOTO/1,,3", "CS2101", 4, 10, "found nothing, expected a number"),
+    ("GOTO/ 1,   x, 3", "CS2101", 4, 12, "'x'"),
+    ("CIRCLE/20,20,5,0,0,1,10\nGOTO/20,30,5,20,30,5,7", "CS2101", 5, 22, "found 7 numbers, expected 3"),
     ("GOTO/1,2,3,4", "CS2101", 4, 12, "found 4 numbers, expected 3"),
     ("GOTO/1,2,$\n  nan", "CS2101", 5, 3, "'nan'"),
     ("GOTO/1_0,2,3", "CS2101", 4, 6, "'1_0'"),

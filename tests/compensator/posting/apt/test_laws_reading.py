@@ -368,3 +368,8 @@ def test_time_grows_with_the_length_only(read):
     short, long = seconds(10_000), seconds(40_000)
     assert long < 12 * short
     assert long < 6
+
+
+def test_a_comment_ends_a_statement_that_goes_on(read):
+    path = read(HEAD + "GOTO/1,2,3$\n$$ half way\nGOTO/4,5,$\n6 $$ GOTO/7,8,9\n")
+    np.testing.assert_allclose(1e3 * path.position, [[1, 2, 3], [4, 5, 6]])
