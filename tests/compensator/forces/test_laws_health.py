@@ -141,16 +141,18 @@ def test_readings_of_all_channels_that_stood_still_are_a_logger_s_where_it_has_n
 
 
 @pytest.mark.parametrize("most", [10**6, 50])
-@pytest.mark.parametrize(("side", "run", "told"), [(1, 3, True), (1, 2, False), (-1, 3, True), (-1, 2, False)])
-def test_three_readings_at_the_end_of_all_are_a_clipped_peak(most: int, side: int, run: int, told: bool) -> None:
+@pytest.mark.parametrize(("side", "run", "axis", "told"), [
+    (1, 3, 0, True), (1, 2, 1, False), (1, 3, 5, True), (-1, 3, 2, True), (-1, 2, 1, False), (-1, 3, 3, True)])
+def test_three_readings_at_the_end_of_all_are_a_clipped_peak(most: int, side: int, run: int, axis: int, told: bool) -> None:
     """Two such peaks; a reading by itself at the end is none, nor are runs before the end was reached."""
-    load = moving(1000)
+    load = moving(1000, 6)
     end = side * 900.0
-    load[100:104, 1] = side * 800.0
-    load[[300, 600], 1] = end
-    load[450:450 + run, 1] = load[710:710 + run, 1] = end
+    load[100:104, axis] = side * 800.0
+    load[[300, 600], axis] = end
+    load[450:450 + run, axis] = load[710:710 + run, axis] = end
     health, flags, _ = looked(load, most)
-    expected = [("CS3023", "warning", 452, f"fy_n: {2 * run} samples in runs of exactly {end:g}, its "
+    name = ("fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm")[axis]
+    expected = [("CS3023", "warning", 452, f"{name}: {2 * run} samples in runs of exactly {end:g}, its "
                  f"{'largest' if side > 0 else 'smallest'} value: saturated")]
     assert said(load, most) == (expected if told else [])
     bad = np.isin(np.arange(1000), [*range(450, 450 + run), *range(710, 710 + run)]) & told
@@ -229,6 +231,8 @@ def test_two_forces_that_are_the_same_are_told(columns: tuple[int, int], told: l
     load = moving(400, 6)
     load[:, columns[1]] = load[:, columns[0]]
     assert said(load, 77) == [("CS3024", "warning", None, f"{pair} are the same in all 400 samples") for pair in told]
+    assert said(load[:200], 77) == [("CS3024", "warning", None, f"{pair} are the same in all 200 samples") for pair in told]
+    assert said(load[:199], 77) == []
     load[77, columns[1]] += 1.0
     assert said(load, 77) == []
 
