@@ -159,6 +159,19 @@ def test_three_readings_at_the_end_of_all_are_a_clipped_peak(most: int, side: in
     assert health.unsound(flags, np.arange(1000)).tolist() == bad.tolist()
 
 
+@pytest.mark.parametrize("most", [10**6, 50])
+@pytest.mark.parametrize(("count", "again", "told"), [(300, 10, True), (299, 10, False), (300, 12, False)])
+def test_a_channel_that_stands_still_at_its_end_is_counted_once(most: int, count: int, again: int, told: bool) -> None:
+    """A hundred readings at the largest value of all, beside two hundred of which a twentieth repeat the one before."""
+    load = moving(count)
+    load[100:200, 1] = 900.0
+    where = 2 + 5 * np.arange(again)
+    load[where, 1] = load[where - 1, 1]
+    assert said(load, most) == ([
+        ("CS3023", "warning", 102, "fy_n: 100 samples in runs of exactly 900, its largest value: saturated"),
+        ("CS3024", "warning", 102, STOOD.format(100, 100))] if told else [])
+
+
 @pytest.mark.parametrize(("still", "told"), [(1, True), (2, False)])
 def test_a_peak_at_which_all_channels_stand_still_is_none(still: int, told: bool) -> None:
     """Of the two repeats in it one has another channel move."""
