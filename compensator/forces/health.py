@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.forces.packet_counter import PacketCounter
 from compensator.forces.source import Samples
 from identification.common.arrays import Array
 from identification.common.findings import Finding, Level, counted
@@ -77,8 +78,7 @@ class Health:
     """Looks at all samples in their order. limit (2,) [N, N m]: the sensor's range where it is stated, else None.
 
     period [s]: of one sample, None where it is not known. together: all channels as one; turns: how often their sum begins to
-    rise or fall; each: whether the counter counts each sample of the log, None before the first; behind: so many samples were
-    lost by it.
+    rise or fall.
     """
 
     source: str
@@ -99,9 +99,7 @@ class Health:
     repeated: int = 0
     first_repeated: int = 0
     last_time: float | None = None
-    last_sequence: float | None = None
-    each: bool | None = None
-    behind: float = 0.0
+    counter: PacketCounter = field(default_factory=PacketCounter)
     last_load: Array | None = None
     alike: list[bool] = field(default_factory=lambda: [True] * len(PAIRS))
 
@@ -233,8 +231,7 @@ class Health:
     def _sequences(self, samples: Samples) -> tuple[Indices, Array]:
         if samples.sequence is None:
             return np.empty(0, dtype=np.intp), np.zeros(len(samples))
-        step = np.diff(samples.sequence, prepend=samples.sequence[0] - 1 if self.last_sequence is None else self.last_sequence)
-        self.last_sequence = float(samples.sequence[-1])
+        step, lost = self.counter.read(samples.sequence)
         again, missing = np.flatnonzero(step == 0), np.flatnonzero(step > 1)
         if len(again):
             self.repeated += len(again)
@@ -244,13 +241,7 @@ class Health:
             self.gaps += len(missing)
             self.lost += int(np.sum(step[missing] - 1))
             self.first_gap = self.first_gap or int(samples.line[missing[0]])
-        # One that counts what was never to be logged tells nothing of it; one that runs back ran over, or was set anew.
-        self.each = np.median(step) == 1 if self.each is None else self.each
-        if not self.each:
-            return np.empty(0, dtype=np.intp), np.zeros(len(step))
-        behind = self.behind + np.cumsum(np.where(step >= 0, step - 1, 0))
-        self.behind = float(behind[-1])
-        return missing, behind
+        return missing[:len(missing) * bool(self.counter.each)], lost
 
     def clipped_sides(self) -> list[tuple[int, int]]:
         """Channel and side (0 largest, 1 smallest) of what is clipped."""
