@@ -126,7 +126,8 @@ def told_of(
     tmp_path: Path, share: float, along: float = 0.0, length: float = 0.25, flipped: bool = False, times: float = 1.0,
     rest: float = 0.0
 ) -> list[str]:
-    """What is said of moments that are so many times those of forces (fx, +-fy, along) of 100 N across an arm along z, fx with such a share of their energy, and of which `rest` of the energy is about the arm itself, which no force makes."""
+    """What is said of moments that are so many times those of forces (fx, +-fy, along) of 100 N across an arm along z: fx has
+    such a share of their energy, and of the moments' energy `rest` is about the arm itself, which no force makes."""
     (tmp_path / "cell.yaml").write_text(CELL + "force_log: {frame: sensor, sensor_quaternion: [1, 0, 0, 0], "
                                         "sensor_position_mm: [0, 0, 0]}\n")
     signs = np.tile([[1.0, 1], [1, -1], [-1, 1], [-1, -1]], (10, 1))
