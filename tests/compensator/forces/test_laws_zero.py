@@ -16,6 +16,7 @@ from compensator.forces.placement import _in_frames
 from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import Zero, zero_of
 from compensator.path.robot_path import RobotPath
+from identification.common.findings import CompstiffError
 from tests.compensator.forces.test_laws_payload import tilted_plan
 
 CELL = "robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\nforce_log: "
@@ -189,3 +190,69 @@ def test_a_log_is_read_in_each_frame_that_it_may_be_in(tmp_path: Path, kind: str
     assert set(found) == set(frames)
     for name, expected in (frames | {kind: force}).items():
         assert_allclose(found[name], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(("silent", "holding", "of_it", "refused"), [
+    (3, 0, 1.0, True), (2, 0, 1.0, False), (35, 2, 1.0, True), (35, 3, 1.0, False), (35, 3, 0.19, True), (35, 3, 0.21, False)])
+def test_a_log_holds_no_weight_by_the_quietest_twentieth_of_its_targets(
+    tmp_path: Path, silent: int, holding: int, of_it: float, refused: bool
+) -> None:
+    """The third of 41: of those that show least, and of those that are left with least when the weight is taken off. Some show
+    nothing, some the weight or a part of it, all others a force as large as it the other way."""
+    path = tilted_plan(tmp_path, CELL + f"{{frame: sensor, {SENSOR}, sign: on_tool, {PAYLOAD}}}", count=41)
+    turn = Rotation.from_matrix(path.base_from_flange.rotation) * TURN
+    weight = turn.inv().apply([0, 0, -9.80665 * MASS])
+    times = np.where(np.arange(41) < silent, 0, np.where(np.arange(41) >= 41 - holding, of_it, -1))
+    rows, load = TargetRows(41, np.arange(41), np.ones(41)), times[:, None] * weight
+    if not refused:
+        assert zero_of(log_of(False), path, path.cell, load, rows, ()).bias is None
+        return
+    with pytest.raises(CompstiffError, match="CS3032.* of 9.5 kg weighs 93 N, and the quietest targets of the log show 0.0 N"):
+        zero_of(log_of(False), path, path.cell, load, rows, ())
+
+
+@pytest.mark.parametrize("newton", [9.80665, 4.4482216])
+def test_a_tare_that_takes_most_of_a_weight_back_names_the_unit_that_would(tmp_path: Path, newton: float) -> None:
+    """A weight in another unit, to three tenths of it either way."""
+    path = tilted_plan(tmp_path, CELL + f"{{frame: sensor, {SENSOR}, sign: on_tool, {PAYLOAD}}}")
+    weight = hanging(path, "sensor", MASS, CENTRE)[0]
+    for times, named in ((1.29, True), (1.31, False), (0.71, True), (0.69, False)):
+        shown = np.tile(weight, (COUNT, 1)) * times / newton
+        [(_, level, message)] = said(zero(path, shown, ((0, 0),)), "CS3130")
+        assert level == "warning"
+        left = times / newton
+        assert message.startswith(f"the bias takes {100 * (1 - left):.0f} % of the weight of 9.5 kg back: the log shows "
+                                  f"{93.163175 * left:.0f} of 93 N")
+        assert (f"; forces in {'kgf' if newton > 5 else 'lbf'} would be so" in message) == named
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+@pytest.mark.parametrize(("mass", "noise"), [(0.5, 3.0), (9.5, 0.1)])
+def test_stretches_contradict_a_mass_by_a_tenth_of_its_weight_and_beyond_chance(
+    tmp_path: Path, count: int, mass: float, noise: float
+) -> None:
+    """One is off the others, so far off their mean as four sigma of how far it would be off it by noise, in space, or a tenth
+    of the weight; a little more is told, a little less is not."""
+    path = tilted_plan(tmp_path, CELL + f"{{frame: sensor, {SENSOR}, sign: on_tool, payload: {{mass_kg: {mass}}}}}")
+    stretches, each = ((0, 0), (3, 3), (6, 6), (11, 11))[:count], np.ones(COUNT, dtype=int)
+    each[[0, 3, 6, 11]] = [30, 60, 120, 240]
+    target = np.repeat(np.arange(COUNT), each)
+    load = hanging(path, "sensor", mass, None)[target, :3] + noise * np.random.default_rng(5).normal(0, 1, (len(target), 3))
+    rows, own = TargetRows(COUNT, target, np.ones(len(target))), each[[0, 3, 6, 11]][:count]
+    found = zero_of(log_of(False), path, path.cell, load, rows, stretches, trusted=True)
+    assert found.noise is not None
+    means = np.array([(load - hanging(path, "sensor", mass, None)[target, :3])[target == k].mean(axis=0) for k, _ in stretches])
+    to_mean = np.eye(count) - 1 / count
+    # Each is known to noise^2 / n, and so what is off the mean of all.
+    sigma = np.linalg.norm(found.noise[:3]) * np.sqrt(np.diag(to_mean @ np.diag(1 / own) @ to_mean.T))
+    limit = np.maximum(4 * sigma, 0.1 * mass * 9.80665)
+    for share in (0.98, 1.02):
+        # The first shifted along x so far that one of them is at that share of its limit, as they scatter besides.
+        shifts = np.linspace(0, 100, 100_001)
+        off = np.linalg.norm((to_mean @ means)[:, None] + to_mean[:, [0]][:, None] * np.outer(shifts, [1, 0, 0]), axis=2)
+        shift = shifts[np.flatnonzero((off / limit[:, None]).max(axis=0) < share)[-1]]
+        moved = load + np.outer(target == 0, [shift, 0, 0])
+        again = zero_of(log_of(False), path, path.cell, moved, rows, stretches, trusted=True)
+        apart = np.linalg.norm(to_mean @ (means + np.outer(np.arange(count) == 0, [shift, 0, 0])), axis=1).max()
+        words = f"with a payload of {mass:g} kg taken off, the stretches of --tare differ from their mean by up to {apart:.1f}"
+        assert said(again, "CS3046") == ([("CS3046", "warning", f"{words} N")] if share > 1 else [])
