@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from compensator.forces.health import Health
+from compensator.forces.packet_counter import PacketCounter
 from compensator.forces.source import Samples
 from identification.common.findings import Finding
 
@@ -228,6 +229,23 @@ def test_numbers_that_count_samples_tell_what_is_lost_and_what_stands_twice(most
     time = np.arange(1000) * 2e-3
     assert said(moving(1000), most, sequence=sequence, time=time, period=2e-3) == [twice]
     assert said(moving(1000), most, sequence=sequence, time=time) == [lost, twice]
+
+
+@pytest.mark.parametrize("most", [10**6, 3, 4])
+@pytest.mark.parametrize(("counts", "taken"), [
+    ([5, 6, 7, 8, 9], [0, 1, 2, 3, 4]), ([5, 6, 9, 10, 11, 12], [0, 1, 4, 5, 6, 7]),
+    ([5, 6, 7, 7, 7, 8, 9, 10], [0, 1, 2, 2, 2, 3, 4, 5]),
+    # One that came late, with the packet that overtook it; a counter that ran over, or was set anew; one of every third.
+    ([5, 6, 7, 9, 8, 10, 11, 12], [0, 1, 2, 4, 4, 5, 6, 7]), ([254, 255, 0, 1, 3, 4], [0, 1, 2, 3, 5, 6]),
+    ([200, 201, 202, 203, 104, 105], [0, 1, 2, 3, 3, 3]), ([200, 201, 202, 203, 103, 104], [0, 1, 2, 3, 4, 5]),
+    ([5, 8, 11, 14, 23, 26, 29, 32], [0, 1, 2, 3, 4, 5, 6, 7])])
+def test_a_counter_tells_when_a_sample_was_taken(counts: list[int], taken: list[int], most: int) -> None:
+    """In samples from the first one on, however the rows come in blocks."""
+    counter, found = PacketCounter(), []
+    for start in range(0, len(counts), most):
+        part = np.array(counts[start:start + most], dtype=float)
+        found += (start + np.arange(len(part)) + counter.read(part)[1]).tolist()
+    assert found == taken
 
 
 @pytest.mark.parametrize("most", [10**6, 100])
