@@ -31,7 +31,7 @@ MEDIAN = 0.6745
 def without_sample_in_cut(path: RobotPath, samples: Indices, forced: Mask) -> Mask:
     """The targets (N,) in the cut without a sample and without a force, on from one with force or up to one."""
     empty = (samples == 0) & ~forced
-    run = np.cumsum(np.diff(empty, prepend=False))
+    run = np.cumsum(np.diff(empty, prepend=empty[:1]))
     beside = np.unique(np.concatenate([run[1:][empty[1:] & forced[:-1]], run[:-1][empty[:-1] & forced[1:]]]))
     return np.asarray(empty & np.isin(run, beside) & ~moves_in_air(path.toolpath))
 
@@ -43,8 +43,6 @@ def left_out(path: RobotPath, place: Array) -> tuple[Indices, Array]:
     cutting = cutting[cutting > 0]
     cutting = cutting[np.isfinite(length[cutting]) & np.isfinite(length[cutting - 1])]
     place = np.sort(place[np.isfinite(place)])
-    if len(place) < 2 or not len(cutting):
-        return np.empty(0, dtype=np.intp), np.empty(0)
     start, way = place[:-1], np.diff(place)
     usual = np.median(way[way > 0]) if (way > 0).any() else 0.0
     wide = way > max(LEFT_OUT, TIMES * usual)
@@ -65,7 +63,7 @@ def short_gaps(path: RobotPath, samples: Indices, forced: Mask, held: Indices) -
     of_cut = forced.copy()
     for first, last in gaps:
         of_cut[first:last] = True
-    run, found = np.cumsum(np.diff(of_cut, prepend=False)), []
+    run, found = np.cumsum(np.diff(of_cut, prepend=of_cut[:1])), []
     for first, last in gaps:
         cut = length[np.flatnonzero((run == run[first]) & np.isfinite(length))]
         if 0 < length[last] - length[first] <= SHARE * (cut[-1] - cut[0]):

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.forces.packet_counter import PacketCounter
 from compensator.forces.source import Samples
 from identification.common.arrays import Array
 from identification.common.findings import Finding, Level, counted
@@ -98,12 +99,13 @@ class Health:
     repeated: int = 0
     first_repeated: int = 0
     last_time: float | None = None
-    last_sequence: float | None = None
+    counter: PacketCounter = field(default_factory=PacketCounter)
     last_load: Array | None = None
     alike: list[bool] = field(default_factory=lambda: [True] * len(PAIRS))
 
-    def look(self, samples: Samples) -> tuple[Flags, Indices]:
-        """Flags (n,), two bits a channel (provisional, see `unsound`), and the places before which time has a gap."""
+    def look(self, samples: Samples) -> tuple[Flags, Indices, Array]:
+        """Flags (n,), two bits a channel (provisional, see `unsound`), the places before which time has a gap, and how many
+        samples (n,) were lost before each as their counter tells, less those that stand twice."""
         load = samples.load
         if not self.channels:
             self.channels = [Channel() for _ in range(load.shape[1])]
@@ -127,9 +129,9 @@ class Health:
         self._range(load, samples.line, flags)
         self.last_load = load[-1:].copy()
         gaps = self._times(samples)
-        self._sequences(samples)
+        missing, lost = self._sequences(samples)
         self.count += len(load)
-        return flags, gaps
+        return flags, np.union1d(gaps, missing), lost
 
     def _runs(self, channel: Channel, readings: _Readings) -> None:
         """Runs of one value while other channels move, over the border of blocks too."""
@@ -155,8 +157,7 @@ class Health:
             return
         self._end_run(channel, self.count + int(ends[0]))
         length, inside = np.diff(ends), moved[ends[1:] - 1] - moved[starts]
-        long = np.flatnonzero((length[:-1] >= STUCK) & (2 * inside[:-1] >= length[:-1]))
-        for k in long:
+        for k in np.flatnonzero(length[:-1] >= STUCK):
             channel.run, channel.moving, channel.run_line = int(length[k]), int(inside[k]), int(line[starts[k]])
             channel.held = float(values[starts[k]])
             self._end_run(channel, self.count + int(ends[k + 1]))
@@ -227,11 +228,10 @@ class Health:
             self.longest_gap = max(self.longest_gap, float(step[wide].max()))
         return np.sort(np.concatenate([back, wide]))
 
-    def _sequences(self, samples: Samples) -> None:
+    def _sequences(self, samples: Samples) -> tuple[Indices, Array]:
         if samples.sequence is None:
-            return
-        step = np.diff(samples.sequence, prepend=samples.sequence[0] - 1 if self.last_sequence is None else self.last_sequence)
-        self.last_sequence = float(samples.sequence[-1])
+            return np.empty(0, dtype=np.intp), np.zeros(len(samples))
+        step, lost = self.counter.read(samples.sequence)
         again, missing = np.flatnonzero(step == 0), np.flatnonzero(step > 1)
         if len(again):
             self.repeated += len(again)
@@ -241,6 +241,7 @@ class Health:
             self.gaps += len(missing)
             self.lost += int(np.sum(step[missing] - 1))
             self.first_gap = self.first_gap or int(samples.line[missing[0]])
+        return missing[:len(missing) * bool(self.counter.each)], lost
 
     def clipped_sides(self) -> list[tuple[int, int]]:
         """Channel and side (0 largest, 1 smallest) of what is clipped."""

@@ -139,7 +139,7 @@ def read_force_log(
     health = Health(str(file), (form.saturation_n, form.saturation_nm), 1 / rate if rate and not of_rate else None)
     kept = Kept(source.rows // size)
     with progress(f"reading {Path(file).name}", source.rows) as bar:
-        for block in _blocks(source, health, window):
+        for block in _blocks(source, health, rate, window):
             kept.add(_reduced(block, size, source.key, borders))
             bar.add(len(block.samples))
     if not kept.count:
@@ -153,8 +153,6 @@ def read_force_log(
     health.close()
     findings += health.findings()
     time, weight = rows.time, np.broadcast_to(1.0, len(rows.line)) if rows.weight is None else rows.weight
-    if time is None and rate:
-        time = (rows.number + 0.5 * (weight - 1)) / rate
     place = rows.place[:, 0] if source.key in ("target", "path_mm") else rows.place
     if source.key == "time":
         assert time is not None         # a log without times and without a rate has no such key
@@ -293,16 +291,17 @@ class Block:
         return Block(self.samples.part(which), self.flags[which], self.number[which], self.plain[which])
 
 
-def _blocks(source: ForceSource, health: Health, window: float | None) -> Iterator[Block]:
-    """The blocks of a log, checked, and averaged over `window` samples."""
+def _blocks(source: ForceSource, health: Health, rate: float | None, window: float | None) -> Iterator[Block]:
+    """The blocks of a log, checked, and averaged over `window` samples; without times of their own those by the rate."""
     waiting: list[Block] = []
 
     def checked() -> Iterator[tuple[Array, Indices]]:
         for samples in source.blocks():
-            first = health.count
-            flags, gaps = health.look(samples)
-            waiting.append(Block(samples, flags, np.arange(first, first + len(samples)),
-                                 samples.load[:, : 0 if window is None else None]))
+            number = np.arange(health.count, health.count + len(samples))
+            flags, gaps, lost = health.look(samples)
+            if samples.time is None and rate:
+                samples = replace(samples, time=(number + lost) / rate)
+            waiting.append(Block(samples, flags, number, samples.load[:, : 0 if window is None else None]))
             yield samples.load, gaps
 
     if window is None:

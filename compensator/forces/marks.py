@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from compensator.forces.driven_moves import HINT, in_text
 from compensator.forces.log import ForceLog
+from compensator.forces.packet_counter import PacketCounter
 from compensator.forces.source import TIMES
 from compensator.path.driven_path import driven_path
 from compensator.path.robot_path import RobotPath
@@ -120,14 +121,16 @@ def _blocks(file: Path, form: ForceLogFile) -> Iterator[tuple[Array, Array]]:
     """Time [s] and mark of the samples, block by block."""
     names = _names(file, form)
     time = next((name for name in TIMES if name in names), None)
-    wanted = [MARK, *([time] if time else [])]
+    packets = "sequence" if time is None and "sequence" in names else None
+    wanted = [MARK, *(name for name in (time, packets) if name)]
     read = (number_blocks.parquet_blocks(file, names, wanted) if file.suffix.lower() in (".parquet", ".pq")
             else number_blocks.text_blocks(file, read_layout(file, form.columns), wanted))
-    count = 0
+    count, counter = 0, PacketCounter()
     for numbers, _ in read:
         mark = np.asarray(numbers[MARK], dtype=float)
+        lost = counter.read(np.asarray(numbers[packets], dtype=float))[1] if packets else np.zeros(len(mark))
         at = (np.asarray(numbers[time], dtype=float) * (1e-3 if time == "time_ms" else 1.0) if time
-              else (count + np.arange(len(mark))) / (form.rate_hz or np.nan))
+              else (count + np.arange(len(mark)) + lost) / (form.rate_hz or np.nan))
         count += len(mark)
         yield at, mark
 

@@ -60,11 +60,6 @@ class Payload:
         """The mass is under zero by more than three standard deviations: something has the wrong sign."""
         return self.mass < -3 * self.mass_std
 
-    def std(self, fall: Array, bias_nm: Array) -> Array:
-        """1 sigma (n, 6) of what has this covariance; bias_nm (3,)."""
-        variance = np.diagonal(self.covariance(fall, np.diag(bias_nm**2)), axis1=1, axis2=2)
-        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
-
     def covariance(self, fall: Array, bias_nm: Array) -> Array:
         """Covariance (n, 6, 6) [N, N m] of what the sensor shows without contact where free fall is fall (n, 3) [m/s^2], forces
         and moments each for themselves; of moments that are not told it is bias_nm (3, 3)."""

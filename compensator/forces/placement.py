@@ -232,7 +232,7 @@ def _to_base(mean: Array, log: ForceLog, path: RobotPath, cell: Cell) -> Array:
 def _of_weight(zero: Zero, zero_std: float, path: RobotPath, cell: Cell) -> Array | None:
     """By how much the zero at each target is less sure (N, 3) [N, 1 sigma], base frame, than zero_std [N]: its payload was told
     by the tare."""
-    if zero.spread is None or zero.std.ndim == 1:
+    if zero.spread is None or zero.spread[1].ndim == 2:
         return None
     rotation = base_from_log(path, cell).rotation
     square = np.nan_to_num(np.einsum("nij,njk,nik->ni", rotation, zero.spread[1][:, :3, :3], rotation))

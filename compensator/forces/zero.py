@@ -80,24 +80,24 @@ class Air:
 @dataclass(frozen=True, eq=False)
 class Zero:
     """offset (N, 6) as logged at each target without contact; bias (6,) in it, None where none is known; noise (6,) of one
-    sample, None without a tare; std: 1 sigma (6,) of the offset, or (N, 6) where its weight was told by the tare, too; spread:
-    covariances of both, (6, 6) and (6, 6) or (N, 6, 6)."""
+    sample; spread: covariances (6, 6) of that, and (6, 6) of the offset, or (N, 6, 6) where its weight was told by the tare,
+    too; both None without a tare."""
 
     offset: Array
     bias: Array | None
     noise: Array | None
     findings: tuple[Finding, ...]
-    std: Array
     spread: tuple[Array, Array] | None
 
     @property
     def own_std(self) -> float:
-        """1 sigma [N] of each axis of a bias that is the same at all targets, root mean square; 0 without a tare."""
-        return float(np.sqrt(np.mean(self.std[:3] ** 2))) if self.std.ndim == 1 else 0.0
+        """1 sigma [N] of each axis of a bias that is the same at all targets, root mean square; 0 without a tare, and where the
+        weight was told by it, too."""
+        return 0.0 if self.spread is None or self.spread[1].ndim > 2 else float(np.sqrt(np.trace(self.spread[1][:3, :3]) / 3))
 
     def __post_init__(self) -> None:
         held = (self.offset, self.bias, self.noise, *(self.spread or ()))
-        read_only(self.std, *(array for array in held if array is not None))
+        read_only(*(array for array in held if array is not None))
 
 
 def of_six(loads: Array) -> Array:
@@ -132,7 +132,6 @@ def zero_of(
     mass, centre = (form.mass, form.centre) if weighs else (None, None)
     findings: list[Finding] = []
     air = _air(log, loads, rows, fall, tare, moves_in_air(path.toolpath)) if tare else None
-    std = np.zeros(6) if air is None else air.bias_std
     spread = None if air is None else (air.steadied, air.steadied / air.samples)
     if air is not None and not mass and weighs and len(tare) > 1:
         payload = estimate_payload(air.fall, form.sign * air.mean, has_moment=log.has_moment,
@@ -141,7 +140,6 @@ def zero_of(
         if payload is not None and payload.told_from_none:
             # The centre in the log's own frame, where the sensor sits: carried to the flange once.
             mass, centre = payload.mass, _in_flange(payload, _tool_of(path, rows, tare), form)
-            std = payload.std(fall, std[3:])
             spread = air.steadied, payload.covariance(fall, air.steadied[3:, 3:] / air.samples)
     held = np.zeros((len(path.toolpath), 6))
     if mass:
@@ -172,7 +170,7 @@ def zero_of(
         mean = rows.mean(loads[:, :3] - bias[:3])
         findings.append(_weighed(log, form, mass, mean[seen], held[seen, :3], tared=air is not None))
     known = air is not None or form.bias is not None
-    return Zero(held + bias, bias if known else None, None if air is None else air.noise, tuple(findings), std, spread)
+    return Zero(held + bias, bias if known else None, None if air is None else air.noise, tuple(findings), spread)
 
 
 def _air(

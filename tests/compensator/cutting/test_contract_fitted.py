@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import hashlib
+from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from compensator.coefficients.fit import (
     _chips,
     _covered,
+    _made_from,
     before,
     check_in_the_stock,
     said_of_the_fit,
@@ -28,6 +30,7 @@ from compensator.coefficients.next_cut import next_cut
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import cut_of
 from compensator.cutting.materials import coefficients_of
+from compensator.forces.log import ForceLog
 from identification.common.findings import CompstiffError, Finding, Refused
 from identification.model.cell import read_cell
 from tests.compensator.cutting.milled import FLAT, TRUE
@@ -139,6 +142,33 @@ def test_a_fit_that_leaves_much_or_pulls_is_warned_of(left: float, radial: float
     rows: Any = SimpleNamespace(force=force)
     assert [(one.code, one.level, one.file) for one in said_of_the_forces(rows, found, "log.csv")] == [
         (code, "warning", "log.csv") for code in codes]
+
+
+@pytest.mark.parametrize(("together", "told"), [(1, False), (4, False), (8, True), (40, True)])
+def test_what_eight_neighbours_share_is_left_and_what_they_scatter_is_not(together: int, told: bool) -> None:
+    """An eighth of the force, to one side in so many rows that follow each other and to the other side in as many."""
+    force = np.tile([0.0, 500.0, 0.0], (80, 1))
+    residual = 0.125 * force * np.repeat((-1.0) ** np.arange(80 // together), together)[:, None]
+    found: Any = SimpleNamespace(residual=residual, mean=np.array([8e8, 1e7, 1, 20, 10, 5]), covariance=1e12 * np.eye(6))
+    said = said_of_the_forces(cast(Any, SimpleNamespace(force=force)), found, "log.csv")
+    assert [one.message.split(", in the middle")[0] for one in said] == (
+        ["the fit leaves 62.5 N of the 500 N of a target"] if told else [])
+
+
+def test_coefficients_name_the_files_they_were_made_from(tmp_path: Path) -> None:
+    """By name and SHA-256; what was given as a value, or is no file any more, is not one of them."""
+    files = {name: tmp_path / f"{name}.txt" for name in ("cell", "toolpath", "stock", "forces")}
+    for name, file in files.items():
+        file.write_text(f"this is the {name}\n")
+    named = {name: {"file": f"{name}.txt", "sha256": hashlib.sha256(f"this is the {name}\n".encode()).hexdigest()}
+             for name in files}
+    cell, program = (cast(Any, SimpleNamespace(source=files[name])) for name in ("cell", "toolpath"))
+    assert _made_from(cell, program, files["stock"], str(files["forces"])) == named
+    log = ForceLog(**{field.name: None for field in fields(ForceLog)} | {"source": str(files["forces"])})
+    assert _made_from(cell, program, files["stock"], log) == named
+    program.source = None
+    files["stock"].unlink()
+    assert _made_from(cell, program, files["stock"], log) == {name: named[name] for name in ("cell", "forces")}
 
 
 @pytest.mark.parametrize(("shear", "stated", "said"), [

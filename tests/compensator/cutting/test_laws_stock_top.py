@@ -67,6 +67,10 @@ def test_a_top_that_is_known_or_was_not_tried_is_not_asked_for() -> None:
     untried: Any = SimpleNamespace(blank=SimpleNamespace(position_std=1e-4), engagement=SimpleNamespace(moved=None))
     assert by_top(known, TRUE) is None
     assert by_top(untried, TRUE) is None
+    # Of one that may stand elsewhere the cut is asked, by as much as its file says.
+    tried: Any = SimpleNamespace(blank=SimpleNamespace(position_std=1e-4), engagement=SimpleNamespace(moved=np.zeros(1)),
+                                 by_top=lambda coefficients, step: step * coefficients)
+    assert by_top(tried, TRUE) == pytest.approx(1e-4 * TRUE)
 
 
 def test_where_another_top_leaves_most_of_it_too_none_is_told() -> None:

@@ -189,6 +189,30 @@ def test_lost_samples(tmp_path, told: str) -> None:
     assert ("CS3036" in {finding.code for finding in log.findings}) == (told == "sequence")
 
 
+@pytest.mark.usefixtures("blocks")
+@pytest.mark.parametrize("key", ["time", "target"])
+@pytest.mark.parametrize(("first", "most", "every"), [(17, 1 << 32, 1), (65_000, 1 << 16, 1), (17, 1 << 32, 5)])
+def test_a_counter_tells_what_a_clock_tells(tmp_path, key: str, first: int, most: int, every: int) -> None:
+    """Rows that were lost, and rows that stand twice, in a log with times and in one with a counter and a rate: the same times
+    and places, and the same means over a revolution, none of which reaches over what is lost. So too where the counter runs
+    over, and where it counts samples that were never to be logged, of which none is lost: there the rows tell the time."""
+    kept = np.arange(COUNT) if every > 1 else np.concatenate([
+        np.arange(700), np.arange(701, 2500), np.arange(2540, 4000), [3999, 3999], np.arange(4000, COUNT)])
+    force = {f"f{axis}_n": noisy()[kept, k] for k, axis in enumerate("xyz")}
+    placed = {} if key == "time" else {"target": kept // 2000}
+    form, logs = ForceLogFile(rate_hz=RATE), []
+    for name, column in (("time_s", kept / RATE), ("sequence", (first + every * kept) % most)):
+        pd.DataFrame({name: column} | placed | force).to_csv(tmp_path / "a.csv", index=False)
+        logs.append(read_force_log(tmp_path / "a.csv", form, spindle_rpm=6000))
+    timed, counted = logs
+    assert (timed.key, counted.key) == (key, key)
+    assert timed.time is not None
+    assert counted.time is not None
+    np.testing.assert_allclose(counted.time, timed.time, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(counted.place, timed.place, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(counted.force, timed.force, rtol=0, atol=1e-9)
+
+
 def test_time_that_runs_back(tmp_path) -> None:
     time = np.arange(COUNT) / RATE
     time[4000:] -= 1.0

@@ -107,8 +107,7 @@ def test_how_sure_a_zero_is_whose_weight_the_tare_told_is_said_along_the_base(tm
     root = np.zeros((4, 6, 6))
     root[:, :3, :3], root[:, 3:, 3:] = rng.normal(0, 2, (4, 3, 3)), rng.normal(0, 90, (4, 3, 3))
     covariance = root @ np.swapaxes(root, 1, 2)
-    std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    zero = Zero(np.zeros((4, 6)), np.zeros(6), np.ones(6), (), std, (np.eye(6), covariance))
+    zero = Zero(np.zeros((4, 6)), np.zeros(6), np.ones(6), (), (np.eye(6), covariance))
     turned = Rotation.from_matrix(path.base_from_flange.rotation) * axes
     found = _of_weight(zero, 1.5, path, path.cell)
     assert found is not None
@@ -116,8 +115,8 @@ def test_how_sure_a_zero_is_whose_weight_the_tare_told_is_said_along_the_base(tm
         # By how far what scatters so goes along each axis of the base.
         along = np.sum(turn.apply(root[k, :3, :3].T) ** 2, axis=0)
         np.testing.assert_allclose(found[k], np.sqrt(np.maximum(along - 1.5**2, 0.0)), atol=1e-5)
-    assert _of_weight(replace(zero, std=std[0], spread=(np.eye(6), covariance[0])), 1.5, path, path.cell) is None
-    assert _of_weight(replace(zero, std=np.zeros(6), spread=None), 0.0, path, path.cell) is None
+    assert _of_weight(replace(zero, spread=(np.eye(6), covariance[0])), 1.5, path, path.cell) is None
+    assert _of_weight(replace(zero, spread=None), 0.0, path, path.cell) is None
 
 
 def of_rows(*each: int) -> TargetRows:

@@ -8,7 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compensator.forces.gaps import filled, left_out, said_of_gaps, said_of_held, short_gaps, without_sample_in_cut
+from compensator.forces.gaps import (
+    filled,
+    left_out,
+    said_of_gaps,
+    said_of_held,
+    said_of_left_out,
+    short_gaps,
+    without_sample_in_cut,
+)
 
 CUT, AIR = 0.02, 0.2
 
@@ -125,6 +133,39 @@ def test_what_is_left_out_is_not_asked_where_the_way_is_not_known() -> None:
     path = program([0, 10, np.nan, 30, 40])
     to, _ = left_out(path, 1e-3 * np.array([0, 0.1, 0.2, 0.3, 9.8, 9.9, 10.0, 31, 39.0]))
     assert to.tolist() == [1, 4]
+
+
+def test_a_log_that_hardly_is_one_leaves_nothing_out_that_it_could_tell() -> None:
+    for place in ([], [0.0], [0.0, 0.04], [np.nan, np.nan]):
+        assert [len(one) for one in left_out(program(10 * np.arange(6)), np.array(place))] == [0, 0]
+    to, lost = left_out(program([0.0]), 1e-3 * np.array([0, 0.1, 0.2, 0.3, 39, 39.1, 39.2]))
+    assert (len(to), len(lost)) == (0, 0)
+
+
+@pytest.mark.parametrize(("sampled", "forced", "change", "words"), [
+    # Of six moves of 10 mm the log leaves out 8 mm of those to targets 2 and 4, 6 mm of that to target 5.
+    ("xxxxxx", "xxxxxx", {}, "8 mm of the move to this target, in the cut, and less of 2 more"),
+    ("xxxxxx", "x.x.x.", {}, "8 mm of the move to this target, in the cut, and less of 2 more"),
+    ("xxxxxx", ".x....", {}, "8 mm of the move to this target, in the cut"), ("xxxxxx", "......", {}, ""),
+    ("x.xxxx", "xxxxxx", {}, "8 mm of the move to this target, in the cut, and less of 1 more"),
+    ("xxxxx.", "......", {}, ""), ("xxxxx.", ".....x", {}, ""), ("xxxx.x", "....xx", {}, ""),
+    ("xxxxxx", "xxxxxx", {"key": "target"}, ""), ("xxxxxx", "xxxxxx", {"spread": np.ones(1)}, ""),
+    ("xxxxxx", "xxxxxx", {"predicted": object()}, ""), ("xxxxxx", "xxxxxx", {"driven": object()}, "")])
+def test_a_stretch_of_a_cut_that_a_log_leaves_out_is_told_between_targets_that_it_has(
+    sampled: str, forced: str, change: dict[str, Any], words: str
+) -> None:
+    """Of the worst; where its samples stand is by the log's own path lengths, and the program was driven as it stands."""
+    path = program(10 * np.arange(6))
+    path.toolpath.driven = change.get("driven")
+    place = np.concatenate([np.arange(0, 11.05, 0.1), np.arange(19, 31.05, 0.1), np.arange(39, 41.05, 0.1), [47.0, 48, 49, 50]])
+    log: Any = SimpleNamespace(**{"key": "path_mm", "spread": None, "predicted": None, "place": 1e-3 * np.append(place, 15.0)}
+                               | {name: value for name, value in change.items() if name != "driven"})
+    forces: Any = SimpleNamespace(samples=flags(sampled).astype(np.intp), forced=flags(forced))
+    found = said_of_left_out(log, path, forces, np.arange(len(place) + 1) < len(place))
+    assert found == [] or [(one.code, one.level, one.file, one.message.split(": there")[0]) for one in found] == [
+        ("CS3134", "warning", "m.mod", f"the log leaves out {words}")]
+    assert bool(found) == bool(words)
+    assert [one.target for one in found] == ([2] if words and sampled[1] == "x" else [4] if words else [])
 
 
 def told(path: Any, samples: np.ndarray, forced: np.ndarray, between: list[int], predicted: bool = False) -> list[Any]:

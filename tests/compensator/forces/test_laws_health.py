@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from compensator.forces.health import Health
+from compensator.forces.packet_counter import PacketCounter
 from compensator.forces.source import Samples
 from identification.common.findings import Finding
 
@@ -141,20 +142,35 @@ def test_readings_of_all_channels_that_stood_still_are_a_logger_s_where_it_has_n
 
 
 @pytest.mark.parametrize("most", [10**6, 50])
-@pytest.mark.parametrize(("side", "run", "told"), [(1, 3, True), (1, 2, False), (-1, 3, True), (-1, 2, False)])
-def test_three_readings_at_the_end_of_all_are_a_clipped_peak(most: int, side: int, run: int, told: bool) -> None:
+@pytest.mark.parametrize(("side", "run", "axis", "told"), [
+    (1, 3, 0, True), (1, 2, 1, False), (1, 3, 5, True), (-1, 3, 2, True), (-1, 2, 1, False), (-1, 3, 3, True)])
+def test_three_readings_at_the_end_of_all_are_a_clipped_peak(most: int, side: int, run: int, axis: int, told: bool) -> None:
     """Two such peaks; a reading by itself at the end is none, nor are runs before the end was reached."""
-    load = moving(1000)
+    load = moving(1000, 6)
     end = side * 900.0
-    load[100:104, 1] = side * 800.0
-    load[[300, 600], 1] = end
-    load[450:450 + run, 1] = load[710:710 + run, 1] = end
+    load[100:104, axis] = side * 800.0
+    load[[300, 600], axis] = end
+    load[450:450 + run, axis] = load[710:710 + run, axis] = end
     health, flags, _ = looked(load, most)
-    expected = [("CS3023", "warning", 452, f"fy_n: {2 * run} samples in runs of exactly {end:g}, its "
+    name = ("fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm")[axis]
+    expected = [("CS3023", "warning", 452, f"{name}: {2 * run} samples in runs of exactly {end:g}, its "
                  f"{'largest' if side > 0 else 'smallest'} value: saturated")]
     assert said(load, most) == (expected if told else [])
     bad = np.isin(np.arange(1000), [*range(450, 450 + run), *range(710, 710 + run)]) & told
     assert health.unsound(flags, np.arange(1000)).tolist() == bad.tolist()
+
+
+@pytest.mark.parametrize("most", [10**6, 50])
+@pytest.mark.parametrize(("count", "again", "told"), [(300, 10, True), (299, 10, False), (300, 12, False)])
+def test_a_channel_that_stands_still_at_its_end_is_counted_once(most: int, count: int, again: int, told: bool) -> None:
+    """A hundred readings at the largest value of all, beside two hundred of which a twentieth repeat the one before."""
+    load = moving(count)
+    load[100:200, 1] = 900.0
+    where = 2 + 5 * np.arange(again)
+    load[where, 1] = load[where - 1, 1]
+    assert said(load, most) == ([
+        ("CS3023", "warning", 102, "fy_n: 100 samples in runs of exactly 900, its largest value: saturated"),
+        ("CS3024", "warning", 102, STOOD.format(100, 100))] if told else [])
 
 
 @pytest.mark.parametrize(("still", "told"), [(1, True), (2, False)])
@@ -215,6 +231,23 @@ def test_numbers_that_count_samples_tell_what_is_lost_and_what_stands_twice(most
     assert said(moving(1000), most, sequence=sequence, time=time) == [lost, twice]
 
 
+@pytest.mark.parametrize("most", [10**6, 3, 4])
+@pytest.mark.parametrize(("counts", "taken"), [
+    ([5, 6, 7, 8, 9], [0, 1, 2, 3, 4]), ([5, 6, 9, 10, 11, 12], [0, 1, 4, 5, 6, 7]),
+    ([5, 6, 7, 7, 7, 8, 9, 10], [0, 1, 2, 2, 2, 3, 4, 5]),
+    # One that came late, with the packet that overtook it; a counter that ran over, or was set anew; one of every third.
+    ([5, 6, 7, 9, 8, 10, 11, 12], [0, 1, 2, 4, 4, 5, 6, 7]), ([254, 255, 0, 1, 3, 4], [0, 1, 2, 3, 5, 6]),
+    ([200, 201, 202, 203, 104, 105], [0, 1, 2, 3, 3, 3]), ([200, 201, 202, 203, 103, 104], [0, 1, 2, 3, 4, 5]),
+    ([5, 8, 11, 14, 23, 26, 29, 32], [0, 1, 2, 3, 4, 5, 6, 7])])
+def test_a_counter_tells_when_a_sample_was_taken(counts: list[int], taken: list[int], most: int) -> None:
+    """In samples from the first one on, however the rows come in blocks."""
+    counter, found = PacketCounter(), []
+    for start in range(0, len(counts), most):
+        part = np.array(counts[start:start + most], dtype=float)
+        found += (start + np.arange(len(part)) + counter.read(part)[1]).tolist()
+    assert found == taken
+
+
 @pytest.mark.parametrize("most", [10**6, 100])
 def test_time_that_runs_back_is_told_with_how_often(most: int) -> None:
     time = np.arange(1000) * 2e-3
@@ -229,6 +262,8 @@ def test_two_forces_that_are_the_same_are_told(columns: tuple[int, int], told: l
     load = moving(400, 6)
     load[:, columns[1]] = load[:, columns[0]]
     assert said(load, 77) == [("CS3024", "warning", None, f"{pair} are the same in all 400 samples") for pair in told]
+    assert said(load[:200], 77) == [("CS3024", "warning", None, f"{pair} are the same in all 200 samples") for pair in told]
+    assert said(load[:199], 77) == []
     load[77, columns[1]] += 1.0
     assert said(load, 77) == []
 

@@ -99,6 +99,18 @@ def test_samples_lie_at_steady_feed_between_two_marks(path: RobotPath, tmp_path:
                                                   "them; 75 rows before the first and behind the last left out")
 
 
+def test_marks_and_places_go_by_one_clock_behind_packets_that_were_lost(path: RobotPath, tmp_path: Path) -> None:
+    """Half a second of a log is lost in its second stretch: by its counter and its rate as by its times."""
+    level, kept = levels(20, 100, 200, 55), np.concatenate([np.arange(180), np.arange(230, 375)])
+    rows = np.column_stack([np.tile([1.0, 2, 3], (len(kept), 1)), level[kept]])
+    placed = []
+    for header, column, form in (("time_s", 0.01 * kept, FORM), ("sequence", 7 + kept, ForceLogFile(rate_hz=100))):
+        (tmp_path / "log.csv").write_text(log_text(f"{header},fx_n,fy_n,fz_n,mark", np.column_stack([column, rows])))
+        log = read_force_log(tmp_path / "log.csv", form)
+        placed.append(placed_by_marks(log, form, path, [(None, np.array([3, 7, 13]))]).place)
+    np.testing.assert_allclose(placed[1], placed[0], rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize(("share", "told"), [(1.48, False), (1.52, True)])
 def test_what_is_driven_faster_than_one_and_a_half_times_its_feed_is_refused(
     path: RobotPath, tmp_path: Path, share: float, told: bool

@@ -70,10 +70,7 @@ def test_bias_mass_and_centre_are_those_of_least_squares(seed: int, noisy: float
     assert_allclose(found.moment_covariance, of_arm, atol=1e-15)
     # What is expected at another orientation: by each of its parameters.
     there = Rotation.random(4, random_state=rng).apply([0, 0, -G])
-    expected = [np.sqrt(np.diag(row @ covariance @ row.T).reshape(4, 3)) for row, covariance in (
-        (law(there, False), of_force), (law(there, True), of_arm))]
-    assert_allclose(found.std(there, np.full(3, 9.0)), np.hstack(expected))
-    # Of all of it: forces and moments each by themselves.
+    # Forces and moments each by themselves.
     of_bias = np.array([[4.0, 1, 0], [1, 5, 2], [0, 2, 6]])
     both = found.covariance(there, of_bias)
     for part, row, of_part in ((slice(0, 3), law(there, False), of_force), (slice(3, 6), law(there, True), of_arm)):
@@ -89,7 +86,7 @@ def test_bias_mass_and_centre_are_those_of_least_squares(seed: int, noisy: float
     assert without is not None
     assert (without.centre, without.centre_std, without.moment_covariance, without.moment_dof) == (None, None, None, 0)
     assert_allclose(without.covariance(there, of_bias)[:, 3:, 3:], np.tile(of_bias, (4, 1, 1)))
-    assert_allclose(without.std(there, np.array([1.0, 2, 3])), np.hstack([expected[0], np.tile([1.0, 2, 3], (4, 1))]))
+    assert_allclose(without.covariance(there, of_bias)[:, :3], both[:, :3])
     assert np.isnan([*without.bias[3:], *without.bias_std[3:], without.moment_scatter]).all()
 
 

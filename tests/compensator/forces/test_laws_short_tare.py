@@ -120,10 +120,24 @@ def rows(count: int, seed: int) -> np.ndarray:
     return rng.normal(0, 3, (count, 6)) + np.cumsum(rng.normal(0, 0.5, (count, 6)), axis=0) + [5, -3, 2, 1, 1, 1]
 
 
+def scattered(values: np.ndarray, groups: int) -> np.ndarray:
+    """The covariance (6, 6) of the mean of so many equal groups of neighbours, by their scatter."""
+    return np.asarray(np.cov(values.reshape(groups, -1, 6).mean(axis=1), rowvar=False) / groups)
+
+
 def squared(values: np.ndarray, groups: int) -> np.ndarray:
-    """The variance (6,) of the mean of so many equal groups of neighbours, by their scatter."""
-    means = values.reshape(groups, -1, 6).mean(axis=1)
-    return np.asarray(means.var(axis=0, ddof=1) / groups)
+    """Its variance (6,)."""
+    return np.diag(scattered(values, groups))
+
+
+def sure(found: Zero, variance: np.ndarray, samples: float) -> None:
+    """The zero is as sure as this variance (6,) of a mean of so many samples says: in all of them, and along the axes of force
+    and of moment, root mean square."""
+    assert found.noise == pytest.approx(np.sqrt(variance * samples), rel=1e-9)
+    assert found.own_std == pytest.approx(np.sqrt(variance[:3].mean()), rel=1e-9)
+    assert found.spread is not None
+    assert [np.diag(part).reshape(2, 3).mean(axis=1) for part in found.spread] == [
+        pytest.approx(times * variance.reshape(2, 3).mean(axis=1), rel=1e-9) for times in (samples, 1.0)]
 
 
 @pytest.mark.parametrize(("count", "groups"), [(256, 32), (320, 32), (120, 30), (36, 9)])
@@ -133,9 +147,14 @@ def test_the_zero_of_a_long_stretch_is_as_sure_as_its_batches_scatter(path: Robo
     for weight in (1.0, 10.0):
         found = tared(path, [values], [1], [(1, 1)], weight)
         assert found.bias == pytest.approx(values.mean(axis=0), rel=1e-12)
-        assert found.std == pytest.approx(np.sqrt(squared(values, groups)), rel=1e-9)
-        assert found.noise == pytest.approx(found.std * np.sqrt(weight * count), rel=1e-12)
-        assert found.own_std == pytest.approx(np.sqrt(np.mean(found.std[:3] ** 2)))
+        covariance = scattered(values, groups)
+        sure(found, np.diag(covariance), weight * count)
+        # Eight more degrees of freedom say that the axes are alike, and scatter by themselves.
+        alike = np.diag(np.repeat(np.diag(covariance).reshape(2, 3).mean(axis=1), 3))
+        expected = ((groups - 1) * covariance + 8 * alike) / (groups + 7)
+        assert found.spread is not None
+        np.testing.assert_allclose(found.spread[1], expected, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(found.spread[0], weight * count * expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("weight", [1.0, 10.0])
@@ -143,7 +162,7 @@ def test_of_few_batches_the_scatter_of_the_samples_stands_in_for_the_missing_one
     """Twelve rows are three batches: two degrees of freedom of eight, and six of the samples themselves."""
     values = rows(12, 3)
     expected = (2 * squared(values, 3) + 6 * squared(values, 12)) / 8
-    assert tared(path, [values], [1], [(1, 1)], weight).std == pytest.approx(np.sqrt(expected), rel=1e-9)
+    sure(tared(path, [values], [1], [(1, 1)], weight), expected, 12 * weight)
 
 
 @pytest.mark.parametrize("weight", [1.0, 10.0])
@@ -158,7 +177,7 @@ def test_of_a_very_short_stretch_the_rows_beside_it_in_the_air_tell(path: RobotP
     own = squared(values, 3)
     of_steps = 0.5 * (np.median(steps, axis=0) / 0.6745) ** 2 / 3
     expected = (2 * own + 6 * of_steps) / 8 if beside == 6 else own
-    assert found.std == pytest.approx(np.sqrt(expected), rel=1e-9)
+    sure(found, expected, 3 * weight)
 
 
 def test_stretches_count_alike_in_the_zero_and_in_how_sure_it_is(path: RobotPath) -> None:
@@ -168,5 +187,4 @@ def test_stretches_count_alike_in_the_zero_and_in_how_sure_it_is(path: RobotPath
     assert found.bias == pytest.approx(0.5 * (short.mean(axis=0) + long.mean(axis=0)), rel=1e-12)
     # One noise of a sample by the scatter of both, each about its own mean.
     noise = (15 * 64 * squared(short, 16) + 31 * 256 * squared(long, 32)) / 46
-    assert found.noise == pytest.approx(np.sqrt(noise), rel=1e-9)
-    assert found.std == pytest.approx(np.sqrt(noise * (1 / 64 + 1 / 256) / 4), rel=1e-9)
+    sure(found, noise * (1 / 64 + 1 / 256) / 4, 4 / (1 / 64 + 1 / 256))

@@ -122,6 +122,64 @@ def test_moments_are_those_of_the_force_at_the_tip(
     assert said_of_moments(load, axes, arm, ~cuts & False, cell, "log") == []
 
 
+def told_of(
+    tmp_path: Path, share: float, along: float = 0.0, length: float = 0.25, flipped: bool = False, times: float = 1.0,
+    rest: float = 0.0
+) -> list[str]:
+    """What is said of moments that are so many times those of forces (fx, +-fy, along) of 100 N across an arm along z: fx has
+    such a share of their energy, and of the moments' energy `rest` is about the arm itself, which no force makes."""
+    (tmp_path / "cell.yaml").write_text(CELL + "force_log: {frame: sensor, sensor_quaternion: [1, 0, 0, 0], "
+                                        "sensor_position_mm: [0, 0, 0]}\n")
+    signs = np.tile([[1.0, 1], [1, -1], [-1, 1], [-1, -1]], (10, 1))
+    force = np.column_stack([100 * signs * np.sqrt([share, 1 - share]), np.full(40, 100 * along)])
+    made = times * length * np.column_stack([force[:, 1] * (1 if flipped else -1), force[:, 0]])
+    about = times * length * 100 * np.sqrt(rest / (1 - rest)) * np.tile([1.0, 1, -1, -1, -1, -1, 1, 1], 5)
+    load = np.column_stack([force, made, about])
+    found = said_of_moments(load, np.broadcast_to(np.eye(3), (40, 3, 3)), np.tile([0, 0, length], (40, 1)), np.ones(40, bool),
+                            read_cell(tmp_path / "cell.yaml"), "log")
+    assert all((one.code, one.level, one.file) == ("CS3127", "warning", "log") for one in found)
+    return [one.message.split("at the tool's tip: ")[1] for one in found]
+
+
+@pytest.mark.parametrize(("given", "said"), [
+    # How far the sensor is, and how much of the force stands across the way to the tip.
+    ({"length": 0.101, "times": 2.0}, ["they are 2.00 times those"]), ({"length": 0.099, "times": 2.0}, []),
+    ({"along": 3.17, "times": 2.0}, ["they are 2.00 times those"]), ({"along": 3.19, "times": 2.0}, []),
+    ({"times": 0.69}, ["they are 0.69 times those"]), ({"times": 0.71}, []),
+    ({"times": 1.39}, []), ({"times": 1.41}, ["they are 1.41 times those"]),
+    ({"rest": 0.149}, []), ({"rest": 0.151}, ["15 % of them is not"]), ({"rest": 0.149, "times": 2.0},
+                                                                        ["they are 2.00 times those"]),
+    # Half of the force along each axis: with one of them turned over nothing of the moments is that of the forces.
+    ({"flipped": True, "rest": 0.149, "times": 1.3}, ["with fy turned over they would be, 1.30 times"]),
+    ({"flipped": True, "rest": 0.151}, ["100 % of them is not"]),
+    # Of the moments 0.1 are left with fy turned over, and 1 - 0.9 (2 s - 1)^2 without.
+    ({"flipped": True, "rest": 0.1, "share": 0.907}, ["with fy turned over they would be, 1.00 times"]),
+    ({"flipped": True, "rest": 0.1, "share": 0.909}, ["40 % of them is not"])])
+def test_moments_are_held_against_forces_to_the_stated_shares(tmp_path: Path, given: dict, said: list[str]) -> None:
+    """A tenth of a metre away at least, three tenths of the force across; within 0.7 to 1.4 times, but for 0.15 of the energy;
+    another reading is named that leaves a quarter of what the stated one does."""
+    assert told_of(tmp_path, **({"share": 0.5} | given)) == said
+
+
+@pytest.mark.parametrize(("degrees", "aside", "said"), [
+    (10, 0.3, ["turned by +10 degrees more"]), (9, 0.3, []), (-10, 0.3, ["turned by -10 degrees more"]), (-9, 0.3, []),
+    (170, 0.3, ["turned by +170 degrees more"]),
+    # A tip near the sensor's axis: by ten degrees hardly a fiftieth of the moments is another.
+    (10, 0.13, []), (10, 0.15, ["turned by +10 degrees more"])])
+def test_a_sensor_turned_about_its_axis_is_told_from_ten_degrees_and_a_fiftieth_on(
+    tmp_path: Path, degrees: int, aside: float, said: list[str]
+) -> None:
+    """The tip lies 100 mm before the sensor and so far [m] beside its axis; forces of all directions."""
+    (tmp_path / "cell.yaml").write_text(CELL + "force_log: {frame: sensor, sensor_quaternion: [1, 0, 0, 0], "
+                                        "sensor_position_mm: [0, 0, 0]}\n")
+    force = 100 * np.vstack([np.eye(3), -np.eye(3)] * 4)
+    arm = np.array([aside, 0, 0.1])
+    moment = np.cross(Rotation.from_euler("z", -degrees, degrees=True).apply(arm), force)
+    found = said_of_moments(np.hstack([force, moment]), np.broadcast_to(np.eye(3), (24, 3, 3)), np.tile(arm, (24, 1)),
+                            np.ones(24, dtype=bool), read_cell(tmp_path / "cell.yaml"), "log")
+    assert [one.message.split("the sensor ")[1].split(" about")[0] for one in found] == said
+
+
 @pytest.mark.parametrize("gain", [1.0, 0.5])
 def test_placed_forces_ask_the_moments(tmp_path: Path, gain: float) -> None:
     """A log by targets in the sensor's axes, which stand as the robot's; the tip is 120 and 250 mm away."""

@@ -110,3 +110,26 @@ def test_a_program_takes_of_set_up_and_drift_what_repeats(repeats: Any, kept: tu
     expected = given.unshown if kept[1] else np.block([
         [given.unshown[:6, :6] * kept[0], np.zeros((6, 3))], [np.zeros((3, 6)), of_drift]])
     np.testing.assert_allclose(taken.unshown, expected)
+
+
+def test_what_has_no_remainder_takes_set_up_and_drift_alone_and_is_inside_everywhere() -> None:
+    """As wide as these are known, with the springs they go together with; nothing lies between places that are none."""
+    rng = np.random.default_rng(12)
+    root, by_x = rng.standard_normal((15, 15)), rng.standard_normal((5, 3, 6))
+    mean, frame = rng.standard_normal(15), JobFrame(Frame.identity(), np.zeros(3), 0.5, 10.0)
+    learned = Learned(np.zeros(6), mean, root @ root.T, frame)
+    position, time = rng.standard_normal((5, 3)), np.array([0.0, 1, 2, 3, 4])
+    path: Any = SimpleNamespace(
+        base_from_tcp=SimpleNamespace(position=position), rest_from_tcp=SimpleNamespace(position=position),
+        theta=rng.standard_normal((5, 6)), move_time=np.array([0.0, 1, 1, 1, 1]), axes=SimpleNamespace(base_from_rest=None))
+    rest = learned.rest(path, np.arange(5))
+    slopes = np.array([np.hstack([np.eye(3), np.column_stack([np.cross(axis, at / 0.5) for axis in np.eye(3)]),
+                                  share * np.eye(3)]) for at, share in zip(position, time / 10, strict=True)])
+    np.testing.assert_allclose(rest.mean, slopes @ mean[6:], rtol=1e-12)
+    assert rest.inside.tolist() == [True] * 5
+    assert rest.basis.shape == (5, 0)
+    added, unseen = learned.covariance_beside(by_x, rest)
+    for k, (of_x, of_rest) in enumerate(zip(by_x, slopes, strict=True)):
+        both = np.hstack([of_x, of_rest])
+        np.testing.assert_allclose(added[k], both @ learned.covariance @ both.T - of_x @ learned.covariance[:6, :6] @ of_x.T)
+    assert not unseen.any()
