@@ -18,6 +18,7 @@ from identification.motion.axis import Axis, Solved, axis_of, solve
 from identification.motion.band import BAND, low_pass
 from identification.motion.causes import LogCause, cause_of
 from identification.motion.dictionary import EXCLUSIVE, LINK_DELAY, Shape
+from identification.motion.inner_friction import _no_twist
 from identification.motion.log_file import MotionLog
 from identification.motion.prediction import Gain, _folds, _splits, held_out, model_columns, residual_on
 from identification.motion.products import products
@@ -197,6 +198,26 @@ def test_what_is_left_follows_the_angle_where_it_is_a_curve_over_it(axis: Axis) 
     assert part == pytest.approx(0.5, abs=0.1)
     _, by_chance = _share(axis, axis.angle, noise, rng)
     assert by_chance > 0.02
+
+
+@pytest.mark.parametrize(("waves", "followed"), [(6, True), (7, False)])
+def test_what_is_left_follows_curves_of_up_to_the_sixth_degree(axis: Axis, waves: int, followed: bool) -> None:
+    place = 2 * (axis.angle - axis.angle.min()) / np.ptp(axis.angle) - 1
+    share, _ = _share(axis, axis.angle, np.cos(waves * np.arccos(np.clip(place, -1, 1))), np.random.default_rng(0))
+    assert (share > 1 - 1e-6) is followed
+    assert followed or share < 0.9
+
+
+def test_no_twist_of_the_gear_are_zeros_errors_over_the_angle_and_delays_of_the_link() -> None:
+    """Columns of two records' zeros, the torque, two waves over the angle, then hysteresis (one), a transmission error (two)
+    and the link's delay (one): what each of ours makes, added up."""
+    rng = np.random.default_rng(3)
+    beside, coefficients = rng.normal(size=(5, 9)), rng.normal(size=9)
+    axis: Any = SimpleNamespace(lengths=(3, 2), spring=beside[:, :3], plain=beside[:, :5])
+    others: Any = [SimpleNamespace(name=name, columns=np.empty((5, width)))
+                   for name, width in (("hysteresis", 1), ("transmission_error", 2), (LINK_DELAY, 1))]
+    made = sum(coefficients[k] * beside[:, k] for k in (0, 1, 3, 4, 6, 7, 8))
+    assert_allclose(_no_twist(axis, others, beside, coefficients), made)
 
 
 def test_what_is_held_out_and_what_it_is_predicted_by(log: MotionLog) -> None:
