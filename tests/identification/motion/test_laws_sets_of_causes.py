@@ -84,6 +84,20 @@ def test_every_set_is_answered_as_least_squares_of_the_samples(axis: Axis, sets:
     assert sum(one.entries == () for one in sets) == 1
 
 
+def test_the_widest_model_has_the_middle_shape_of_each_effect_and_no_damping(axis: Axis) -> None:
+    """The plain spring first; a damped gear's column is that of a torque that is late."""
+    width = axis.plain.shape[1]
+    assert_allclose(axis.widest[:, :width], np.column_stack([np.ones(len(axis.torque)), axis.torque]))
+    groups = [group for group in axis.dictionary if group[0].name != "gear_damping"]
+    assert len(groups) == len(axis.dictionary) - 1
+    assert max(len(group) for group in groups) > 4
+    for group in groups:
+        middle = group[round((len(group) - 1) / 2 + 0.1)].columns
+        assert_allclose(axis.widest[:, width: width + middle.shape[1]], middle)
+        width += middle.shape[1]
+    assert width == axis.widest.shape[1]
+
+
 def test_products_know_which_columns_double_each_other(axis: Axis) -> None:
     known = products(axis)
     shapes = [shape for group in axis.dictionary for shape in group]
