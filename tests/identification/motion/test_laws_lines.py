@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -275,6 +276,19 @@ def test_the_strongest_line_is_found_first_and_both_as_sure_as_chance_can_say(on
     shrunk = 0.0199 * (one.axis.angle - one.axis.angle.min()) / np.ptp(one.axis.angle)
     still = replace(one, axis=replace(one.axis, angle=shrunk))
     assert search([still], np.random.default_rng(0)) == []
+
+
+def test_which_of_two_records_comes_first_hides_no_line(log: MotionLog, tmp_path: Path) -> None:
+    """One at 250 Hz and one of which every tenth sample was logged, where a line of 2000 cycles a turn is folded over."""
+    coarse = record(tmp_path, 301, {"channel_delay": 1.0}, lines=HIDDEN, phase=PHASE)
+    both = [one.less(2, -3e-5 * np.sin(2000.3 * one.joints[2].angle)) for one in (log, coarse)]
+    own = both[1].joints[2]
+    names = ("time", "torque", "speed", "deflection", "angle")
+    thin = replace(own, others={}, **{name: getattr(own, name)[::10] for name in names})
+    sessions = [session(2, [both[0]]), session(2, [replace(both[1], time=own.time[::10], joints={2: thin})])]
+    found = [search(order, np.random.default_rng(1)) for order in (sessions, sessions[::-1])]
+    for lines_of_order in found:
+        assert sorted(line.cycles for line in lines_of_order) == pytest.approx([150.0, 413.2, 2000.3], abs=1.0)
 
 
 def named(*kept: Line, smooth: SmoothTest | None = None) -> Transmission:
