@@ -13,12 +13,13 @@ from numpy.testing import assert_allclose
 
 from identification.model.effects import effects
 from identification.model.effects.channel_delay import ChannelDelay
-from identification.motion import causes, procedure, search
+from identification.motion import causes, dictionary, procedure, search
 from identification.motion.axis import Axis, Solved, axis_of, solve
 from identification.motion.band import BAND, low_pass
 from identification.motion.causes import LogCause, cause_of
 from identification.motion.dictionary import EXCLUSIVE, LINK_DELAY, Shape
 from identification.motion.inner_friction import _no_twist
+from identification.motion.leaps import KINDS, Leap
 from identification.motion.log_file import MotionLog
 from identification.motion.prediction import Gain, _folds, _splits, held_out, model_columns, residual_on
 from identification.motion.products import products
@@ -96,6 +97,46 @@ def test_the_widest_model_has_the_middle_shape_of_each_effect_and_no_damping(axi
         assert_allclose(axis.widest[:, width: width + middle.shape[1]], middle)
         width += middle.shape[1]
     assert width == axis.widest.shape[1]
+
+
+@pytest.mark.parametrize(("reach", "tried"), [
+    (700.0, [12.5, 25.0, 50.0, 100.0, 200.0]), (1200.0, [12.5, 25.0, 50.0, 100.0, 200.0, 400.0, 800.0 / 2]),
+    (5000.0, [50.0, 100.0, 200.0, 400.0, 800.0]), (300.0, [6.25, 12.5, 25.0, 50.0, 100.0]), (4.0, [6.25])])
+def test_a_law_is_tried_at_torques_that_the_log_reaches(reach: float, tried: list[float]) -> None:
+    """A grid of 100 and 200 N m for gears of every size: sixteen times more and 64 times less by fours, from a hundredth of the
+    largest torque and what the law begins at (6 N m) up to half of it and where it ends (1000 N m); one at least."""
+    linear, bent = SimpleNamespace(grid=()), SimpleNamespace(grid=(100.0, 200.0), low=6.0, high=1000.0)
+    effect: Any = SimpleNamespace(parameters=[linear, bent])
+    found = np.array(dictionary._grid(effect, reach))
+    assert np.isnan(found[:, 0]).all()
+    assert found[:, 1].tolist() == list(dict.fromkeys(tried))
+
+
+@pytest.mark.parametrize(("name", "reach", "off"), [
+    ("backlash", 1e5, (0.0, 30.0, 100.0)), ("backlash", 1000.0, (0.0, 15.0, 60.0)), ("backlash", 1800.0, (0.0, 27.0, 100.0)),
+    ("soft_zone", 1e5, (0.0, 150.0)), ("hysteresis", 1e5, (0.0,))])
+def test_free_play_is_crossed_early_or_late_and_a_soft_zone_ends_over_a_range(
+        name: str, reach: float, off: tuple[float, ...]) -> None:
+    """By 30 and 100 N m, on small joints 1.5 and 6 % of the largest torque; over 0.6 of the torque (250 N m) it ends at."""
+    effect: Any = SimpleNamespace(name=name)
+    assert dictionary._smears(effect, np.array([np.nan, 250.0]), reach) == pytest.approx(off)
+
+
+def test_leaps_of_a_kind_are_one_cause_with_the_size_of_the_largest() -> None:
+    """As sure as the least sure of them; slips of an encoder and lost samples are two."""
+    slip, lost = KINDS
+    leaps = (Leap(slip, 2, "a.csv", 1e-4, 1e-6, 3.0, 0.005), Leap(lost, 2, "a.csv", -0.012, 1e-4, 5.0, 0.01),
+             Leap(slip, 2, "b.csv", -3e-4, 2e-6, 7.0, 0.002), Leap(slip, 2, "b.csv", 2e-4, 3e-6, 9.0, 0.008))
+    slips, losses = causes.leap_causes(leaps)
+    assert (slips.shape.effect, slips.joint, slips.probability) == (slip, 2, 1 - 0.008)
+    assert slips.values.tolist() == [-3e-4, 7.0]
+    assert_allclose(slips.std, [2e-6, np.nan])
+    assert slips.estimates == ("+100 urad (+- 2) at 3.00 s of a.csv; -300 urad (+- 4) at 7.00 s of b.csv; "
+                               "+200 urad (+- 6) at 9.00 s of b.csv")
+    assert (losses.values.tolist(), losses.probability) == ([-0.012, 5.0], 0.99)
+    assert losses.estimates == "12 ms of the link's channel missing at 5.00 s of a.csv"
+    assert causes.leap_causes(leaps[:1])[0].shape.effect is slip
+    assert causes.leap_causes(()) == ()
 
 
 def test_products_know_which_columns_double_each_other(axis: Axis) -> None:
