@@ -219,6 +219,25 @@ def test_by_chance_a_block_adds_what_it_has() -> None:
                                                    for signs in [2 * np.array(signs) - 1]) for k in range(3)]) ** 2 / norms)
 
 
+def test_by_chance_a_line_has_the_signs_of_blocks_of_0_4_s() -> None:
+    """What samples 0 to 99 and from 100 on have of a line at 250 Hz counts with signs of their own, over the noise's
+    variance."""
+    def drawn(*samples: tuple[int, float]) -> set[float]:
+        products = np.zeros((250, 2, 2))
+        for sample, size in samples:
+            products[sample, 1, 0] += size
+        fit: Any = SimpleNamespace(products=lambda cycles: products, variance=0.5, session=SimpleNamespace(
+            axis=SimpleNamespace(rates=[250.0])))
+        chance = lines._by_chance(fit, np.array([3.0, 7.0]), np.random.default_rng(0))
+        assert chance.shape == (499, 2)
+        assert not chance[:, 0].any()
+        return set(np.round(chance[:, 1], 9).tolist())
+
+    assert drawn((0, 3.0)) == drawn((249, 3.0)) == {18.0}
+    assert drawn((0, 3.0), (99, 2.0)) == drawn((100, 3.0), (199, 2.0)) == {50.0}
+    assert drawn((99, 3.0), (100, 2.0)) == drawn((199, 2.0), (200, 3.0)) == {50.0, 2.0}
+
+
 @pytest.mark.parametrize(("at", "std", "found"), [
     (400.3, 0.4, (400.3, 0.4)), (399.7, 0.4, (399.7, 0.4)), (400.0, 9.0, (400.0, 2.0)), (400.96, 0.4, (400.96, None)),
     (401.0, 0.4, None), (398.9, 0.4, None)])

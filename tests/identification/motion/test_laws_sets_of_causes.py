@@ -20,6 +20,7 @@ from identification.motion.causes import LogCause, cause_of
 from identification.motion.dictionary import EXCLUSIVE, LINK_DELAY, Shape
 from identification.motion.inner_friction import _no_twist
 from identification.motion.leaps import KINDS, Leap
+from identification.motion.lines import Line
 from identification.motion.log_file import MotionLog
 from identification.motion.prediction import Gain, _folds, _splits, held_out, model_columns, residual_on
 from identification.motion.products import products
@@ -137,6 +138,36 @@ def test_leaps_of_a_kind_are_one_cause_with_the_size_of_the_largest() -> None:
     assert losses.estimates == "12 ms of the link's channel missing at 5.00 s of a.csv"
     assert causes.leap_causes(leaps[:1])[0].shape.effect is slip
     assert causes.leap_causes(()) == ()
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("confirmed", [0, 1, 2])
+def test_a_transmission_error_is_its_strongest_line_and_the_size_of_its_smooth_part(confirmed: int, smooth: bool) -> None:
+    """The mean of the two records' sizes, the phase of the first record; a smooth part that swings to 40 urad has an RMS of
+    that over the angles visited. As sure as the line that was found again the most clearly."""
+    if not confirmed + smooth:
+        return
+    lines = [Line(413.26, 0.04, 0.002, 0.004), Line(60.0, 0.02, 0.002, 0.006)][:confirmed]
+    sizes = {"a.csv": 1e-6 * np.exp(0.5j) * np.array([21.0, 50.0]), "b.csv": 1e-6 * np.exp(-0.2j) * np.array([23.0, 80.0])}
+    records: Any = [SimpleNamespace(source=name, joints={joint: None}) for name, joint in (("a.csv", 2), ("c.csv", 3),
+                                                                                         ("b.csv", 2))]
+    found: Any = SimpleNamespace(confirmed=lines, again_on="d.csv",
+                                 amplitudes=lambda several: sizes[several[0].source][:confirmed])
+    angle = np.linspace(0.0, np.radians(90.0), 5)
+    plain = np.column_stack([np.ones(5), np.arange(5.0), [1.0, -1.0, 1.0, -1.0, 0.0], [0.0, 0.0, 0.0, 0.0, 2.0]])
+    axis: Any = SimpleNamespace(joint=2, smooth=smooth or None, spring=plain[:, :2], plain=plain, angle=angle)
+    hypothesis: Any = SimpleNamespace(solved=SimpleNamespace(coefficients=np.array([7.0, 8.0, 4e-5, 2e-5, 9.0])))
+    cause = causes.transmission_cause(axis, hypothesis, found, records)
+    rms = float(np.std([4e-5, -4e-5, 4e-5, -4e-5, 4e-5])) if smooth else 0.0
+    line = [(22e-6, 413.26, 0.5), (65e-6, 60.0, 0.5)][confirmed - 1] if confirmed else (0.0, np.nan, np.nan)
+    assert_allclose(cause.values, [rms, *line])
+    assert_allclose(cause.std, [np.nan, np.nan, [0.04, 0.02][confirmed - 1] if confirmed else np.nan, np.nan])
+    assert (cause.joint, cause.shape.name) == (2, "transmission_error")
+    assert cause.probability == pytest.approx(1 - 0.004 if confirmed else 0.975)
+    words = ["", "1 line, the strongest 22.0 urad at 413.3 +- 0.1 cycles a turn",
+             "2 lines, the strongest 65.0 urad at 60.0 +- 0.0 cycles a turn"][confirmed]
+    waves = f"a smooth part of {1e6 * rms:.0f} urad RMS over 90 deg"
+    assert cause.estimates == " and ".join([words] * bool(confirmed) + [waves] * smooth) + ", found again in d.csv"
 
 
 def test_products_know_which_columns_double_each_other(axis: Axis) -> None:
