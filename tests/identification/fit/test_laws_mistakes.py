@@ -28,7 +28,7 @@ from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.odd_rows import where
 from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
-from identification.fit.mistakes.search import search
+from identification.fit.mistakes.search import _support_near_none, search
 from identification.fit.mistakes.sizes import SIZES, JointZero, ReferenceLoad, Size, ToolOffset
 from identification.fit.mistakes.slipped import slipped_mistakes
 from identification.fit.mistakes.units import time_mistake, unit_mistake
@@ -456,6 +456,28 @@ def test_what_the_arm_s_unknown_weight_does_is_no_evidence(data: LoadTest) -> No
     known = posterior(data)
     known.__dict__["beside"] = fitted.beside[:, :, :0]
     assert log_evidence(fitted) - log_evidence(known) == pytest.approx(with_weight - without, abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [ToolOffset(), JointZero(), ReferenceLoad()], ids=lambda size: size.name)
+def test_what_speaks_for_a_size_near_none_is_its_share_of_the_likelihood(data: LoadTest, size: Size) -> None:
+    """By normal distributions of the residual, written out: with what five typical sizes do in its covariance, and without."""
+    joint = 2 if size.joints else None
+    fitted = posterior(data)
+    at = fitted.at_map
+    count = at.residual.size
+    design, residual = at.design.reshape(count, -1), at.residual.ravel()
+    precision = at.prior.precision(at.x)
+    without = np.linalg.inv(fitted.weights.apply(np.eye(count).reshape(*at.residual.shape, -1)).reshape(count, -1))
+    without = without + design @ np.linalg.solve(precision, design.T)
+    typical = np.array([parameter.typical for parameter in size.parameters])
+    moves = [size.contribution(fitted.load_state, joint, small)[:, :3] / 1e-4 for small in 1e-4 * np.diag(typical)]
+    columns = 5 * np.einsum("nij,njk->nik", at.noise.whitening, np.stack(moves, axis=2)).reshape(count, -1)
+    expected = design @ -np.linalg.solve(precision, at.prior.gradient(at.x))
+    both = [multivariate_normal(expected, 0.5 * (every + every.T)).logpdf(residual)
+            for every in (without + columns @ columns.T, without)]
+    weights: Any = fitted.weights
+    guess = Guess(_two_robots(), None, 0.0, -2.5, size=size, joint=joint, start=typical)
+    assert _support_near_none(fitted, weights, guess) == pytest.approx(both[0] - both[1] - 2.5, abs=0.02)
 
 
 def test_a_relative_error_that_is_stated_alone_counts(data: LoadTest) -> None:
