@@ -33,6 +33,7 @@ from identification.fit.mistakes.sizes import SIZES, JointZero, ReferenceLoad, S
 from identification.fit.mistakes.slipped import slipped_mistakes
 from identification.fit.mistakes.units import time_mistake, unit_mistake
 from identification.fit.noise import USUAL_FORCE_N
+from identification.fit.noise_parts import VarianceComponents
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
@@ -526,6 +527,24 @@ def test_what_a_mistake_explains_is_the_misfit_that_is_gone(monkeypatch: pytest.
     for model in models:
         model.components.degrees = 8.0
     assert share(2.2) == pytest.approx(1 - (2.2 / (8 / 6) - 1) / (4.0 / (8 / 6) - 1))
+
+
+def test_a_misfit_is_that_of_each_fit_in_the_readings_it_was_made_from(data: LoadTest) -> None:
+    """In the rows and with the noise of the mended ones; of the sensor alone a sum over the readings. Where a mended reading
+    stands in another column, the noise is that of the column that the fit has it in."""
+    plain, alone = posterior(data), VarianceComponents(force=0.0, absolute=0.0, offset=0.0)
+    (turned,) = [each for each in axes_mistakes(data) if each.key == "deflection_sign[z]"]
+    part = np.arange(len(data.rows)) % 3 > 0
+    mended = posterior(turned.mended(data.with_rows(data.rows.select(part))))
+    sigma = np.where(np.isnan(data.rows.sigma), data.cell.noise.deflection, data.rows.sigma)
+
+    def squares(fitted: Posterior, table: LoadTest, sigma: NDArray[np.float64]) -> float:
+        return float(np.nansum(((table.rows.deflection - fitted.predicted(table)) / sigma) ** 2))
+
+    rows = data.with_rows(data.rows.select(part))
+    assert judge._chi2(plain, mended, alone) == pytest.approx(squares(plain, rows, sigma[part]))
+    assert judge._chi2(mended, mended, alone) == pytest.approx(squares(mended, mended.data, sigma[part]))
+    assert judge._chi2(plain, mended, replace(alone, sensor=2.0)) == pytest.approx(squares(plain, rows, 2 * sigma[part]))
 
 
 def test_a_mistake_of_a_size_may_be_of_either_sign() -> None:

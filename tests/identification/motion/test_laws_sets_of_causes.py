@@ -16,6 +16,7 @@ from identification.model.effects.channel_delay import ChannelDelay
 from identification.motion import causes, dictionary, procedure, search
 from identification.motion.axis import Axis, Solved, axis_of, solve
 from identification.motion.band import BAND, low_pass
+from identification.motion.blocks import ratio_interval
 from identification.motion.causes import LogCause, cause_of
 from identification.motion.dictionary import EXCLUSIVE, LINK_DELAY, Shape
 from identification.motion.inner_friction import _no_twist
@@ -343,6 +344,10 @@ def test_a_gain_is_that_of_a_straight_line_and_the_causes_on_a_record_with_a_zer
     # What is hidden there helps, and would not where it is left out: the record is the same.
     assert helps == (True,) * len(sets[0].entries)
     assert gain.held_out == "validate: other.csv"
+    # Of 9.996 s, in whole blocks of a second or little more; the same where the clock began elsewhere.
+    assert gain.interval == ratio_interval(*gain.residuals.T, 9.996)
+    later = replace(other, time=other.time + 1000.0)
+    assert held_out(2, BAND, sets[0], Transmission(2), [log], later)[0].interval == pytest.approx(gain.interval)
     assert gain.interval[0] < gain.ratio < gain.interval[1]
 
 
