@@ -168,15 +168,16 @@ def search(sessions: list[Session], rng: np.random.Generator) -> list[Line]:
     if not moving:
         return []
     apart = min(one.resolution for one in moving)
-    step = float(np.median(np.diff(moving[0].axis.logs[0].time)))
+    steps = [float(np.median(np.diff(one.axis.logs[0].time))) for one in moving]
     slow = max(float(np.quantile(np.abs(one.speed), SLOWLY)) for one in moving)
-    highest = min(MOST_CYCLES, np.pi / step / max(slow, 1e-6))
+    highest = min(MOST_CYCLES, np.pi / min(steps) / max(slow, 1e-6))
     wanted = frequencies(2 * np.pi / apart, LEAST_CYCLES * apart, max(highest, 4 * LEAST_CYCLES * apart))
     lines: list[Line] = []
     shoulders: list[float] = []
     while len(lines) < MOST_LINES:
         fits = [fitted(one, np.array([line.cycles for line in lines])) for one in moving]
-        spectra = [angle_spectrum(fit.left, fit.noise, fit.session.axis.angle, fit.session.speed, step, wanted) for fit in fits]
+        spectra = [angle_spectrum(fit.left, fit.noise, fit.session.axis.angle, fit.session.speed, step, wanted)
+                   for fit, step in zip(fits, steps, strict=True)]
         free = np.ones(len(wanted.cycles), dtype=bool)
         for taken in (*(line.cycles for line in lines), *shoulders):
             free &= np.abs(wanted.cycles - taken) > apart

@@ -134,6 +134,6 @@ def _folds(record: MotionLog) -> list[Split]:
     folds = []
     for k in range(FOLDS):
         ends = ((0, edges[k]), (edges[k + 1], count))
-        pieces = [record.cut(start, stop) for start, stop in ends if stop - start > count // 6]
+        pieces = [record.cut(start, stop) for start, stop in ends if stop > start]
         folds.append(Split(pieces, record.cut(edges[k], edges[k + 1]), False))
     return folds

@@ -28,11 +28,12 @@ from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.odd_rows import where
 from identification.fit.mistakes.readings import reading_mistakes
 from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
-from identification.fit.mistakes.search import search
+from identification.fit.mistakes.search import _support_near_none, search
 from identification.fit.mistakes.sizes import SIZES, JointZero, ReferenceLoad, Size, ToolOffset
 from identification.fit.mistakes.slipped import slipped_mistakes
 from identification.fit.mistakes.units import time_mistake, unit_mistake
 from identification.fit.noise import USUAL_FORCE_N
+from identification.fit.noise_parts import VarianceComponents
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
@@ -259,6 +260,19 @@ def test_a_size_shows_as_the_mended_model_says(data: LoadTest, size: Size) -> No
         assert np.abs(said - expected).max() < 0.03 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: size.name)
+def test_the_quick_look_finds_a_size_that_was_planted(data: LoadTest, size: Size) -> None:
+    """Half more than usual, of either sign: to an eighth, but for a zero of joint 6, which hardly moves this tool."""
+    for joint in size.places:
+        typical = np.array([parameter.typical for parameter in size.parameters])
+        planted = 1.5 * typical * np.where(np.arange(len(typical)) % 2, -1, 1)
+        look = Look(size.mistake(data, joint, -planted, typical).mended(data))
+        scores, springs = log_scores(sums(linear(look.data)).total(), look.data.prior.prior.log_std)
+        found, score = look._sized(size, joint, springs[0])
+        assert_allclose(found, planted, rtol=0.125)
+        assert score > scores[0] + 20
+
+
 def test_a_factor_is_a_unit_where_robots_do_not_differ_by_as_much(data: LoadTest) -> None:
     """Forces 4.448 times too small are pounds where the prior is that of the robot (within a half); beside the medians of
     another one (three times, as built-in files have) the robot may be so, which is said, and kilograms may not."""
@@ -445,6 +459,28 @@ def test_what_the_arm_s_unknown_weight_does_is_no_evidence(data: LoadTest) -> No
     assert log_evidence(fitted) - log_evidence(known) == pytest.approx(with_weight - without, abs=1e-6)
 
 
+@pytest.mark.parametrize("size", [ToolOffset(), JointZero(), ReferenceLoad()], ids=lambda size: size.name)
+def test_what_speaks_for_a_size_near_none_is_its_share_of_the_likelihood(data: LoadTest, size: Size) -> None:
+    """By normal distributions of the residual, written out: with what five typical sizes do in its covariance, and without."""
+    joint = 2 if size.joints else None
+    fitted = posterior(data)
+    at = fitted.at_map
+    count = at.residual.size
+    design, residual = at.design.reshape(count, -1), at.residual.ravel()
+    precision = at.prior.precision(at.x)
+    without = np.linalg.inv(fitted.weights.apply(np.eye(count).reshape(*at.residual.shape, -1)).reshape(count, -1))
+    without = without + design @ np.linalg.solve(precision, design.T)
+    typical = np.array([parameter.typical for parameter in size.parameters])
+    moves = [size.contribution(fitted.load_state, joint, small)[:, :3] / 1e-4 for small in 1e-4 * np.diag(typical)]
+    columns = 5 * np.einsum("nij,njk->nik", at.noise.whitening, np.stack(moves, axis=2)).reshape(count, -1)
+    expected = design @ -np.linalg.solve(precision, at.prior.gradient(at.x))
+    both = [multivariate_normal(expected, 0.5 * (every + every.T)).logpdf(residual)
+            for every in (without + columns @ columns.T, without)]
+    weights: Any = fitted.weights
+    guess = Guess(_two_robots(), None, 0.0, -2.5, size=size, joint=joint, start=typical)
+    assert _support_near_none(fitted, weights, guess) == pytest.approx(both[0] - both[1] - 2.5, abs=0.02)
+
+
 def test_a_relative_error_that_is_stated_alone_counts(data: LoadTest) -> None:
     """3 % of the force and the usual newtons, where the file has `force_relative_std` without `force_std_n`."""
     noise = replace(data.cell.noise, force_relative=0.03, force_relative_stated=True, force_stated=False, force=np.zeros(3))
@@ -491,6 +527,24 @@ def test_what_a_mistake_explains_is_the_misfit_that_is_gone(monkeypatch: pytest.
     for model in models:
         model.components.degrees = 8.0
     assert share(2.2) == pytest.approx(1 - (2.2 / (8 / 6) - 1) / (4.0 / (8 / 6) - 1))
+
+
+def test_a_misfit_is_that_of_each_fit_in_the_readings_it_was_made_from(data: LoadTest) -> None:
+    """In the rows and with the noise of the mended ones; of the sensor alone a sum over the readings. Where a mended reading
+    stands in another column, the noise is that of the column that the fit has it in."""
+    plain, alone = posterior(data), VarianceComponents(force=0.0, absolute=0.0, offset=0.0)
+    (turned,) = [each for each in axes_mistakes(data) if each.key == "deflection_sign[z]"]
+    part = np.arange(len(data.rows)) % 3 > 0
+    mended = posterior(turned.mended(data.with_rows(data.rows.select(part))))
+    sigma = np.where(np.isnan(data.rows.sigma), data.cell.noise.deflection, data.rows.sigma)
+
+    def squares(fitted: Posterior, table: LoadTest, sigma: NDArray[np.float64]) -> float:
+        return float(np.nansum(((table.rows.deflection - fitted.predicted(table)) / sigma) ** 2))
+
+    rows = data.with_rows(data.rows.select(part))
+    assert judge._chi2(plain, mended, alone) == pytest.approx(squares(plain, rows, sigma[part]))
+    assert judge._chi2(mended, mended, alone) == pytest.approx(squares(mended, mended.data, sigma[part]))
+    assert judge._chi2(plain, mended, replace(alone, sensor=2.0)) == pytest.approx(squares(plain, rows, 2 * sigma[part]))
 
 
 def test_a_mistake_of_a_size_may_be_of_either_sign() -> None:

@@ -134,6 +134,15 @@ def test_a_stiffness_known_to_thirty_per_cent_is_told_by_a_factor(log_std: float
     assert _two_sigma(log_std) == words
 
 
+def test_what_is_called_the_95_per_cent_interval_leaves_a_fortieth_of_the_draws_to_either_side(data: LoadTest) -> None:
+    """Of the stiffness file, by a count of the draws with their weights."""
+    fit = fit_stiffness(data.cell, data.rows)
+    draws, (low, high) = fit.posterior.draws, fit.model.interval_95.T
+    k = np.exp(-draws.x)
+    assert draws.weight @ (k < low) == pytest.approx(np.full(6, 0.025), abs=2e-3)
+    assert draws.weight @ (k > high) == pytest.approx(np.full(6, 0.025), abs=2e-3)
+
+
 def test_the_load_that_would_help_does(data: LoadTest) -> None:
     """Its 300 N added to the rows of one pose leave of the joint's uncertainty what the hint says."""
     fit = fit_stiffness(data.cell, data.rows.select(data.rows.visit == 0))

@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from identification.common.chart import Band, Bars, Cells, Line, Points, Rule
+from identification.common.findings import Finding
 from identification.fit import report
 from identification.fit.profile import Profile
 from identification.fit.report import (
@@ -179,3 +180,89 @@ def test_what_to_do_next_is_what_the_grades_ask_for(grades: tuple[str, ...], rej
 
 def test_two_sigma_are_told_in_per_cent_up_to_thirty() -> None:
     assert [report._two_sigma(std) for std in (0.149, 0.151, 0.5)] == ["29.8 %", "a factor 1.4", "a factor 2.7"]
+
+
+@pytest.mark.parametrize(("grades", "rejected", "levels", "said"), [
+    (("reliable",) * 6, "", ("note",), ("good", "RELIABLE", "All six stiffnesses are known; ")),
+    (("reliable",) * 6, "", ("warning", "note", "warning"), (
+        "caution", "IDENTIFIED, WITH 2 WARNINGS TO READ FIRST", "All six stiffnesses are graded reliable; ")),
+    (("reliable",) * 5 + ("tentative",), "", ("warning",), (
+        "caution", "USE WITH CARE", "k6 is not known well from these measurements, the others are reliable; ")),
+    (("tentative", *("reliable",) * 4, "not identifiable"), "", (), (
+        "caution", "USE WITH CARE", "k1, k6 are not known well from these measurements, the others are reliable; ")),
+    (("tentative",) * 6, "", (), ("bad", "NO STIFFNESS IS RELIABLE", "These measurements tell no joint well; ")),
+    (("tentative",) * 6, "they bend", (), ("bad", "DO NOT USE YET", "Six springs do not explain these measurements "
+                                           "(they bend): find out why first."))])
+def test_the_headline_is_what_the_grades_allow(
+        grades: tuple[str, ...], rejected: str, levels: tuple[Any, ...], said: tuple[str, str, str]) -> None:
+    fit = told(grades=grades, rejected=rejected)
+    fit.findings = tuple(Finding(f"CS101{k}", level, "x") for k, level in enumerate(levels, 2))
+    verdict = report._verdict(fit)
+    left = "" if rejected else "3.5 µm RMS of the measured deflections are left unexplained."
+    assert (verdict.level, verdict.word, verdict.sentence) == (said[0], said[1], said[2] + left)
+
+
+def page_of(monkeypatch: pytest.MonkeyPatch, **changed: Any) -> Any:
+    """The page of a fit of 30 rows, the third and the last of which count less, with one bad visit."""
+    fit = told(changed.pop("held_out", None), ("reliable", *("tentative",) * 5))
+    model, weight = fit.model, np.ones(30)
+    weight[[2, 29]], weight[10] = (0.456, 0.0123), np.nan
+    model.fit["noise"]["pose_offset_um"] = [1.0, 2.0, 6.0]
+    model.stiffness, model.interval_95 = K, np.column_stack([0.9 * K, 1.2 * K])
+    fit.cell = SimpleNamespace(source="cell.yaml", robot=robot(), prior=SimpleNamespace(stiffness=2 * K, log_std=np.ones(6)))
+    fit.measurements = SimpleNamespace(source="runs/m.csv", line=101 + np.arange(30))
+    helps = ("", "load it", report.LOOK_FOR_IT, "", "", "")
+    fit.grades = tuple(SimpleNamespace(grade=grade, reason=f"reason {i}", helpful=help_) for i, (grade, help_) in enumerate(
+        zip(model.grades, helps, strict=True), 1))
+    fit.conflicts = tuple(SimpleNamespace(part=part, rest="the rest", distance=4.56, directions=3, corrected=p,
+                                          is_conflict=p < 0.05) for part, p in (
+                                              ("loads along x", 0.00123), ("positive loads", 0.5)))
+    fit.bad_visits, fit.row_weight, fit.profiles = (), weight, ()
+    fit.ellipsoid, fit.findings, fit.as_dict = SimpleNamespace(sentence="least certain: k4"), (), dict
+    for name, value in changed.items():
+        setattr(fit, name, value)
+    for figure in ("_intervals", "_against", "_residuals", "_by_pose", "_correlations", "_spectrum", "_profiles", "_steps"):
+        monkeypatch.setattr(report, figure, lambda *of, figure=figure: figure)
+    monkeypatch.setattr(report, "render", lambda page: page)
+    return report.identification_report(fit)
+
+
+def test_the_report_tells_stiffnesses_conflicts_and_light_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Numbers to the right; the lightest row first; what would help beside the reason, but for what is said elsewhere."""
+    page = page_of(monkeypatch)
+    assert page.title == "Identified stiffnesses: m.csv"
+    lead, conflict = page.words
+    assert lead == (f"Six joint stiffnesses of {robot().name} from 42 rows (reliable: k1; tentative: k2, k3, k4, k5, k6). The "
+                    "model leaves 3.46 um RMS of the measured deflections unexplained. Noise, estimated: sensor 1.23 times "
+                    "what cell.yaml states, re-seating 3.0 um a pose; the intervals use it. Least certain: k4.")
+    assert conflict == ("One set of linear springs does not explain all rows: loads along x and the rest want different "
+                        "stiffnesses. See the table of subsets.")
+    stiffnesses, agree, light = page.tables
+    assert stiffnesses.rows[:3] == [
+        ["k1", "1e+05", "9e+04 ... 1.2e+05", "4.0 %", "2e+05", "reliable", "reason 1"],
+        ["k2", "2e+05", "1.8e+05 ... 2.4e+05", "6.0 %", "4e+05", "tentative", "reason 2; load it"],
+        ["k3", "4e+05", "3.6e+05 ... 4.8e+05", "10.0 %", "8e+05", "tentative", "reason 3"]]
+    assert stiffnesses.rows[3][3] == "a factor 1.4"
+    assert (len(stiffnesses.rows), stiffnesses.numbers) == (6, (1, 2, 3, 4))
+    assert agree.rows == [["loads along x", "the rest", "4.6", "3", "0.0012", "conflict"],
+                          ["positive loads", "the rest", "4.6", "3", "0.5", "agree"]]
+    assert agree.numbers == (2, 3, 4)
+    assert (light.rows, light.numbers) == ([["130", "1 %"], ["103", "46 %"]], (0, 1))
+    assert page.first == ["_intervals", "_against"]
+    assert page.others == ["_residuals", "_by_pose", "_correlations", "_spectrum"]
+    assert page_of(monkeypatch, profiles=(None,)).others[0] == "_profiles"
+
+
+def test_the_report_tells_poses_left_out_and_what_was_not_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    score = SimpleNamespace(name="P7", line=88, share=0.456)
+    monkeypatch.setattr(report, "evidence", lambda of: f"evidence of {of.name}")
+    monkeypatch.setattr(report, "mending", lambda bad: f"mend {bad.score.name}")
+    page = page_of(monkeypatch, held_out=(12.34e-6, 5.67e-6), bad_visits=(SimpleNamespace(score=score),), conflicts=(),
+                   row_weight=np.append(np.full(29, 0.9991), 0.9989))
+    assert page.words[1:] == ["On the validation rows, which were not fitted: 12.3 um RMS with the prior's stiffnesses, 5.7 um "
+                              "with the identified ones."]
+    left_out, light = page.tables[2:]
+    assert (left_out.rows, left_out.numbers) == ([["P7", "88", "evidence of P7", "46 %", "mend P7"]], (1, 3))
+    assert light.rows == [["130", "100 %"]]
+    assert len(page_of(monkeypatch, row_weight=np.ones(30)).tables) == 2
+    assert len(page_of(monkeypatch, row_weight=np.linspace(0.1, 0.9, 30)).tables[-1].rows) == 20

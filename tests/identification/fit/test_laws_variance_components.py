@@ -10,11 +10,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from identification.fit.gram import NoiseGram
+from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel
 from identification.fit.noise_parts import SetUp, VarianceComponents
 from identification.fit.posterior import _FittedModel, posterior
-from identification.fit.variance_components import _slopes, integrated_out, likeliest
+from identification.fit.variance_components import ComponentPosterior, _slopes, _subset, integrated_out, likeliest
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from identification.model.compliance import compliance_matrix, equilibrium, regressor
@@ -77,6 +78,46 @@ def test_the_gram_is_that_of_dense_matrices(remembers, set_up) -> None:
     drawn = model.draw(np.repeat(components.values[None], 40_000, axis=0), weight, rng).reshape(54, -1)[kept]
     size = np.sqrt(np.diag(inside))
     assert np.max(np.abs((drawn @ drawn.T / 40_000 - inside) / np.outer(size, size))) < 0.04
+
+
+@pytest.mark.parametrize(("rows", "visits", "kept"), [
+    (6000, 3, None), (6001, 3, "stretches of 32"), (6001, 4, "visits"), (12_001, 5, "stretches of 32"), (12_001, 6, "visits")])
+def test_noise_is_estimated_from_six_thousand_rows_evenly_over_the_file(rows: int, visits: int, kept: str | None) -> None:
+    """Every second row of more, of more than twice as many every third: as whole visits where at least two are left, else as
+    stretches."""
+    noise: Any = SimpleNamespace(visit=np.arange(rows) * visits // rows, visits=visits)
+    every = 3 if rows > 12_000 else 2
+    number = {None: 0 * noise.visit, "visits": noise.visit, "stretches of 32": np.arange(rows) // 32}[kept]
+    assert np.array_equal(_subset(noise), number % every == 0)
+
+
+@pytest.mark.parametrize("hanging", [0, 2])
+def test_half_of_a_long_file_says_half_of_what_all_of_it_says(hanging: int) -> None:
+    """Visits that come in equal pairs, of which one each is looked at: but for what all parameters and columns of 1 sigma are
+    known to, ln of the likelihood is half of that of all rows, the step's prior with it."""
+    rng = np.random.default_rng(8)
+    of, count = np.repeat(np.arange(752) // 2, 8) * 8 + np.tile(np.arange(8), 752), 6016
+
+    def pairs(*shape: int) -> np.ndarray:
+        return rng.standard_normal((count // 2, *shape))[of]
+
+    noise = NoiseModel(pairs(3, 3), pairs(3, 3), pairs(3, 3), pairs(3, 9), np.ones((count, 3), dtype=bool),
+                       np.repeat(np.arange(752), 8), np.array([0.7, 0.3, 1.9]), (True,) * 6, (*[True] * 5, False), SetUp.TURNED)
+    design, residual, weight = pairs(3, 2), pairs(3), rng.uniform(0.2, 1.3, count // 2)[of]
+    beside = 0.01 * pairs(3, hanging)
+    precision, gradient = np.array([[90.0, 20.0], [20.0, 70.0]]), np.array([500.0, -300.0])
+    prior: Any = SimpleNamespace(precision=lambda x: precision, gradient=lambda x: gradient)
+    half = ComponentPosterior(Linearised(noise, design, residual, weight, prior, np.zeros(2)), beside)
+    assert (half.whole, half.rows) == (False, count // 2)
+    logs = rng.normal(0, 0.3, (3, 6))
+    gram, log_determinant = NoiseGram(noise, weight, np.concatenate([beside, design], axis=2), residual)(logs)
+    for own, determinant, found in zip(gram, log_determinant, half.likelihood(logs), strict=True):
+        hung = own[:hanging, :hanging] + np.eye(hanging)
+        rest = own[hanging:, hanging:] - own[hanging:, :hanging] @ np.linalg.inv(hung) @ own[:hanging, hanging:]
+        information, pull = rest[:2, :2] + precision, rest[:2, 2] - gradient
+        exponent = pull @ np.linalg.inv(information) @ pull - rest[2, 2] - determinant
+        volumes = np.linalg.slogdet(information / 2)[1] + np.linalg.slogdet(hung / 2)[1]
+        assert found == pytest.approx(0.25 * exponent - 0.5 * volumes, rel=1e-9)
 
 
 def test_what_is_integrated_out_is_so_much_more_noise() -> None:

@@ -182,6 +182,10 @@ def test_names_that_a_log_cannot_tell_apart_are_told_with_their_probability(unkn
     assert "  unknown: no cause in the dictionary explains it" in none.lines()
     many = replace(unknown, axes=(replace(axis, alternatives=others * 3),))
     assert [line.count("hysteresis") + line.count("soft zone") for line in many.lines() if "; the nearest: " in line] == [5]
+    beside = replace(unknown, axes=(replace(axis, verdict="named", alternatives=others * 3),))
+    (line,) = [line for line in beside.lines() if line.startswith("  beside it perhaps (this log does not settle it): ")]
+    assert line.endswith(": " + ", ".join(["hysteresis of joint 2 0.50", "soft zone of joint 2 0.30"] * 2
+                                          + ["hysteresis of joint 2 0.50"]))
     withdrawn = replace(unknown, axes=(replace(axis, withdrawn=("soft_zone [2]",)),))
     assert "  withdrawn: soft zone of joint 2 fits here but does not predict what was not fitted" in withdrawn.lines()
 

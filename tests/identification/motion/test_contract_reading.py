@@ -142,7 +142,7 @@ def test_a_file_of_numbers_its_reader_does_not_end_with(tmp_path: Path, monkeypa
 def test_a_log_that_is_not_there_or_short(tmp_path: Path) -> None:
     assert not is_motion_log(tmp_path / "none.parquet")
     (tmp_path / "no.parquet").write_text("no")
-    assert not is_motion_log(tmp_path / "no.parquet")
+    assert is_motion_log(tmp_path / "no.parquet") is False
     assert is_motion_log(tmp_path / "none.mat")
     short = {name: column[:1] for name, column in columns(0, {}, seconds=5).items()}
     assert "a.csv: error CS1501: has 1 sample\n" in failure(write(tmp_path / "a.csv", short))

@@ -221,3 +221,132 @@ def test_the_report_shows_deflections_against_torques_as_measured_and_beside_the
     assert (measured.x.tolist(), beside.x.tolist()) == (torque.tolist(), torque.tolist())
     assert measured.y == pytest.approx([-1, -9, 10])
     assert beside.y == pytest.approx([0.2 * (10 - 10) + 1, 0.2 * (-30 - 10) - 2, 0.2 * (50 - 10) + 3])
+
+
+def shown(joint: int, verdict: str, *causes: Any, others: tuple[Any, ...] = ()) -> Any:
+    """A joint of a diagnosis, as the report sees it: 3200 samples in two records."""
+    count = 3200
+    left = np.column_stack([np.full(count, 1e-6 * joint), np.linspace(0.0, 2e-6, count)])
+    logs = [SimpleNamespace(torque=np.arange(part) * 1.0, time=np.arange(part) * 0.01) for part in (1200, 2000)]
+    spectrum = ((0.0, 1.0, 0.25), (1.0, 3.0, 0.75))
+    return SimpleNamespace(joint=joint, verdict=verdict, causes=causes, alternatives=others, residuals=left,
+                           deflection=np.arange(count) * 1e-6, stiffness=replace(FOUND, joint=joint),
+                           axis=SimpleNamespace(logs=logs), left=SimpleNamespace(spectrum=spectrum, line=(12.34, 0.256)))
+
+
+def named(name: str, probability: float) -> Any:
+    return SimpleNamespace(shape=SimpleNamespace(name=name), sentence=f"there is {name}", estimates=f"{name} 3 urad",
+                           probability=probability)
+
+
+def page_of(diagnosis: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.setattr(pages, "render", lambda page: page)
+    return pages.diagnosis_report(diagnosis)
+
+
+def diagnosis_of(verdict: str, *axes: Any, gain: Any = None, logs: tuple[str, ...] = ("runs/a b.csv", "b.csv")) -> Any:
+    misfit = {"rms_urad": 86.4, "left_rms_urad": 11.6}
+    return SimpleNamespace(verdict=verdict, axes=axes, as_dict=lambda: {"misfit": misfit, "gain": gain}, findings=("found",),
+                           logs=tuple(SimpleNamespace(source=name) for name in logs), lines=lambda: ["said"],
+                           cell=SimpleNamespace(source="cell.yaml"))
+
+
+def test_the_report_tells_causes_and_stiffnesses_and_shows_first_where_something_is_wrong(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures of the joint whose cause is named, then of an unknown, an ambiguous and an adequate one: the tables in the
+    joints' order, numbers to the right. What is left, in percent of its variance; the commands to copy name all logs."""
+    axes = (shown(1, "adequate"), shown(2, "ambiguous", others=(named("soft_zone", 0.4567),)), shown(3, "unknown"),
+            shown(4, "named", named("backlash", 0.9991), others=(named("hysteresis", 0.05),)))
+    page = page_of(diagnosis_of("named", *axes, gain={"rms_before_urad": 70.6, "rms_after_urad": 9.51,
+                                                      "held_out": "record: /far/away/c.csv"}), monkeypatch)
+    causes, stiffnesses = page.tables
+    assert causes.rows == [["joint 2", "soft_zone", "there is soft_zone", "soft_zone 3 urad", "0.457"],
+                           ["joint 4", "backlash", "there is backlash", "backlash 3 urad", "0.999"],
+                           ["joint 4", "hysteresis", "there is hysteresis", "hysteresis 3 urad", "0.050"]]
+    assert (causes.header[4], causes.numbers) == ("probability", (4,))
+    # 1 / 2e-7, and within 1.96 times 5e-9 of that compliance.
+    assert stiffnesses.rows[3] == ["k4", "5e+06", "4.77e+06 ... 5.26e+06", "reliable", "well"]
+    assert [row[0] for row in stiffnesses.rows] == ["k1", "k2", "k3", "k4"]
+    assert (stiffnesses.header[1], stiffnesses.numbers) == ("k [N m/rad]", (1,))
+    kinds = ("deflection against torque", "what is left, over time", "spectrum of what is left")
+    assert [figure.title for figure in (*page.first, *page.others)] == [
+        f"Joint {joint}: {kind}" for joint in (4, 3, 2, 1) for kind in kinds]
+    assert len(page.first) == 1
+    (time,), (spectrum,) = page.others[0].panels, page.others[1].panels
+    assert [series.name for series in time.series] == ["plain spring", "extended model"]
+    # Every second of 3200 samples, in microradians.
+    assert time.series[0].y == pytest.approx(np.full(1600, 4.0))
+    assert time.series[1].y == pytest.approx(np.linspace(0.0, 2.0, 3200)[::2])
+    assert time.series[0].x[599:601] == pytest.approx([11.98, 0.0])
+    assert (list(spectrum.x.categories), spectrum.series[0].values) == (["0-1 Hz", "1-3 Hz"], pytest.approx([25.0, 75.0]))
+    assert page.others[1].caption == "Strongest narrow line: 12.3 Hz with 26 % of the variance."
+    assert page.title == "Diagnosis: a b.csv"
+    assert [step.command for step in page.steps] == [
+        "compstiff identify cell.yaml 'runs/a b.csv' --also b.csv -o stiffness.json"]
+    assert [(key.label, key.value, key.unit, key.note) for key in page.keys] == [
+        ("left by plain springs", "86 → 12", "µrad", "RMS; with the named causes"),
+        ("on rows not fitted", "71 → 10", "µrad", "RMS, record: c.csv"), ("joint 1", "adequate", "", ""),
+        ("joint 2", "ambiguous", "", ""), ("joint 3", "unknown", "", "")]
+    assert (page.words, page.findings) == (["said"], ("found",))
+
+
+@pytest.mark.parametrize(("verdict", "level", "word", "sentence"), [
+    ("adequate", "good", "ADEQUATE", "Plain springs explain the logs to their noise."),
+    ("named", "caution", "CAUSE NAMED", "The logs show more than springs, and its cause has a name: there is a; there is b; "
+     "there is c."),
+    ("ambiguous", "caution", "AMBIGUOUS", "The logs show more than springs; several causes would explain it."),
+    ("unknown", "bad", "UNKNOWN", "The logs show more than springs, and no cause in the dictionary explains it.")])
+def test_the_report_s_headline_is_the_verdict_with_at_most_three_names(
+        monkeypatch: pytest.MonkeyPatch, verdict: str, level: str, word: str, sentence: str) -> None:
+    """A cause of two joints is told once."""
+    causes = [named(name, 0.99) for name in "aabcd"] if verdict == "named" else []
+    page = page_of(diagnosis_of(verdict, shown(1, verdict, *causes), logs=("a.csv",)), monkeypatch)
+    assert (page.verdict.level, page.verdict.word, page.verdict.sentence) == (level, word, sentence)
+    assert [key.label for key in page.keys] == ["left by plain springs", "joint 1"]
+    assert page.steps[0].command == "compstiff identify cell.yaml a.csv -o stiffness.json"
+
+
+@pytest.mark.parametrize(("refused", "level", "word", "sentence"), [
+    ((2, 3), "bad", "NOT ALL STIFFNESSES CAN BE STATED", "k2, k3 refused: these logs do not tell the stiffness from what else "
+     "moves with the load; stated: none."),
+    ((3,), "caution", "NOT ALL STIFFNESSES CAN BE STATED", "k3 refused: these logs do not tell the stiffness from what else "
+     "moves with the load; stated: k2."),
+    ((), "caution", "2 OF 6 STIFFNESSES IDENTIFIED", "k2, k3 come from these logs; the other joints stay at what was known "
+     "before.")])
+def test_the_report_of_stiffnesses_says_which_of_them_these_logs_state(
+        monkeypatch: pytest.MonkeyPatch, refused: tuple[int, ...], level: str, word: str, sentence: str) -> None:
+    """The keys have the file's own values, of joints 2 and 3, and the table all six."""
+    monkeypatch.setattr(pages, "render", lambda page: page)
+    joints = tuple(replace(FOUND, joint=joint, grade="not identifiable" if joint in refused else "reliable")
+                   for joint in (2, 3))
+    page = stiffnesses_of(joints, ("a.csv", "b.csv"))
+    assert (page.verdict.level, page.verdict.word, page.verdict.sentence) == (level, word, sentence)
+    assert [(key.label, key.value, key.unit, key.note) for key in page.keys] == [
+        (f"k{joint}", "refused", "", "not identifiable") if joint in refused else
+        (f"k{joint}", f"{joint}e+06", "N m/rad", "reliable") for joint in (2, 3)]
+    (table,) = page.tables
+    assert table.rows == [[f"k{k}", f"{k}e+06", f"{k}e+05 ... {k}e+07", f"grade {k}"] for k in range(1, 7)]
+    assert table.numbers == (1,)
+    assert page.steps[0].command == "compstiff diagnose cell.yaml a.csv --also b.csv -o diagnosis.json"
+    assert page.words == [line for joint in joints for line in joint.lines()]
+
+
+@pytest.mark.parametrize(("count", "level", "sentence"), [
+    (6, "good", "k1, k2, k3, k4, k5, k6 come from these logs."),
+    (1, "caution", "k1 comes from these logs; the other joints stay at what was known before.")])
+def test_the_report_of_all_six_stiffnesses_has_no_others(
+        monkeypatch: pytest.MonkeyPatch, count: int, level: str, sentence: str) -> None:
+    monkeypatch.setattr(pages, "render", lambda page: page)
+    page = stiffnesses_of(tuple(replace(FOUND, joint=joint) for joint in range(1, count + 1)), ("a.csv",))
+    assert (page.verdict.level, page.verdict.word) == (level, f"{count} OF 6 STIFFNESSES IDENTIFIED")
+    assert page.verdict.sentence == sentence
+    assert page.steps[0].command == "compstiff diagnose cell.yaml a.csv -o diagnosis.json"
+
+
+def stiffnesses_of(joints: tuple[AxisStiffness, ...], logs: tuple[str, ...]) -> Any:
+    k = np.arange(1.0, 7.0)
+    model = SimpleNamespace(stiffness=1e6 * k, interval_95=np.column_stack([1e5 * k, 1e7 * k]),
+                            grades=tuple(f"grade {joint}" for joint in range(1, 7)))
+    fit: Any = SimpleNamespace(joints=joints, model=model, cell=SimpleNamespace(source="cell.yaml"), findings=(),
+                               logs=tuple(SimpleNamespace(source=name) for name in logs), as_dict=dict)
+    return pages.stiffness_report(fit)

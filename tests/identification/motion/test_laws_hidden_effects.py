@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from identification.motion.axis_diagnosis import AxisDiagnosis
+from identification.motion.band import BAND, low_pass
 from identification.motion.log_file import read_motion_log
 from identification.motion.procedure import diagnose_axes
 from identification.motion.stiffness import axis_stiffness
-from tests.identification.motion.simulated_joint import FAULTS, STIFFNESS, columns, write
+from tests.identification.motion.simulated_joint import FAULTS, RATE, STIFFNESS, columns, write
 
 NAMES = {"channel_delay": "channel_delay (link)", "torque_delay": "channel_delay (torque)"}
 IN_MOTION = {"channel_delay": 1.0, "joint_friction": 1.0, "motor_inertia": 1.0}
@@ -67,6 +68,14 @@ def test_sizes_are_recovered() -> None:
     assert abs(delay.values[0] - 3e-3) < 4 * delay.std[0]
     friction = diagnosed(0, {"joint_friction": 1.0}).causes[0]
     assert friction.values == pytest.approx([300, 900], rel=0.15)
+
+
+def test_a_cause_explains_what_it_takes_of_the_misfit_under_the_band() -> None:
+    """Of the variance that a straight line leaves, both as residuals are under the band."""
+    for fault in ("channel_delay", "joint_friction"):
+        found = diagnosed(0, {fault: 1.0})
+        line, model = np.var(low_pass(found.residuals, RATE, BAND), axis=0)
+        assert 1 - found.explained == pytest.approx(model / line, rel=0.2)
 
 
 def test_a_torque_that_advances_is_not_friction() -> None:

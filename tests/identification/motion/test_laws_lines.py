@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -218,6 +219,25 @@ def test_by_chance_a_block_adds_what_it_has() -> None:
                                                    for signs in [2 * np.array(signs) - 1]) for k in range(3)]) ** 2 / norms)
 
 
+def test_by_chance_a_line_has_the_signs_of_blocks_of_0_4_s() -> None:
+    """What samples 0 to 99 and from 100 on have of a line at 250 Hz counts with signs of their own, over the noise's
+    variance."""
+    def drawn(*samples: tuple[int, float]) -> set[float]:
+        products = np.zeros((250, 2, 2))
+        for sample, size in samples:
+            products[sample, 1, 0] += size
+        fit: Any = SimpleNamespace(products=lambda cycles: products, variance=0.5, session=SimpleNamespace(
+            axis=SimpleNamespace(rates=[250.0])))
+        chance = lines._by_chance(fit, np.array([3.0, 7.0]), np.random.default_rng(0))
+        assert chance.shape == (499, 2)
+        assert not chance[:, 0].any()
+        return set(np.round(chance[:, 1], 9).tolist())
+
+    assert drawn((0, 3.0)) == drawn((249, 3.0)) == {18.0}
+    assert drawn((0, 3.0), (99, 2.0)) == drawn((100, 3.0), (199, 2.0)) == {50.0}
+    assert drawn((99, 3.0), (100, 2.0)) == drawn((199, 2.0), (200, 3.0)) == {50.0, 2.0}
+
+
 @pytest.mark.parametrize(("at", "std", "found"), [
     (400.3, 0.4, (400.3, 0.4)), (399.7, 0.4, (399.7, 0.4)), (400.0, 9.0, (400.0, 2.0)), (400.96, 0.4, (400.96, None)),
     (401.0, 0.4, None), (398.9, 0.4, None)])
@@ -275,6 +295,19 @@ def test_the_strongest_line_is_found_first_and_both_as_sure_as_chance_can_say(on
     shrunk = 0.0199 * (one.axis.angle - one.axis.angle.min()) / np.ptp(one.axis.angle)
     still = replace(one, axis=replace(one.axis, angle=shrunk))
     assert search([still], np.random.default_rng(0)) == []
+
+
+def test_which_of_two_records_comes_first_hides_no_line(log: MotionLog, tmp_path: Path) -> None:
+    """One at 250 Hz and one of which every tenth sample was logged, where a line of 2000 cycles a turn is folded over."""
+    coarse = record(tmp_path, 301, {"channel_delay": 1.0}, lines=HIDDEN, phase=PHASE)
+    both = [one.less(2, -3e-5 * np.sin(2000.3 * one.joints[2].angle)) for one in (log, coarse)]
+    own = both[1].joints[2]
+    names = ("time", "torque", "speed", "deflection", "angle")
+    thin = replace(own, others={}, **{name: getattr(own, name)[::10] for name in names})
+    sessions = [session(2, [both[0]]), session(2, [replace(both[1], time=own.time[::10], joints={2: thin})])]
+    found = [search(order, np.random.default_rng(1)) for order in (sessions, sessions[::-1])]
+    for lines_of_order in found:
+        assert sorted(line.cycles for line in lines_of_order) == pytest.approx([150.0, 413.2, 2000.3], abs=1.0)
 
 
 def named(*kept: Line, smooth: SmoothTest | None = None) -> Transmission:

@@ -13,11 +13,15 @@ from numpy.testing import assert_allclose
 
 from identification.model.effects import effects
 from identification.model.effects.channel_delay import ChannelDelay
-from identification.motion import causes, procedure, search
+from identification.motion import causes, dictionary, procedure, search
 from identification.motion.axis import Axis, Solved, axis_of, solve
 from identification.motion.band import BAND, low_pass
+from identification.motion.blocks import ratio_interval
 from identification.motion.causes import LogCause, cause_of
 from identification.motion.dictionary import EXCLUSIVE, LINK_DELAY, Shape
+from identification.motion.inner_friction import _no_twist
+from identification.motion.leaps import KINDS, Leap
+from identification.motion.lines import Line
 from identification.motion.log_file import MotionLog
 from identification.motion.prediction import Gain, _folds, _splits, held_out, model_columns, residual_on
 from identification.motion.products import products
@@ -81,6 +85,90 @@ def test_every_set_is_answered_as_least_squares_of_the_samples(axis: Axis, sets:
     assert len(found & set(pairs)) > 0.8 * len(pairs)
     assert max(len(one.entries) for one in sets) == 2
     assert sum(one.entries == () for one in sets) == 1
+
+
+def test_the_widest_model_has_the_middle_shape_of_each_effect_and_no_damping(axis: Axis) -> None:
+    """The plain spring first; a damped gear's column is that of a torque that is late."""
+    width = axis.plain.shape[1]
+    assert_allclose(axis.widest[:, :width], np.column_stack([np.ones(len(axis.torque)), axis.torque]))
+    groups = [group for group in axis.dictionary if group[0].name != "gear_damping"]
+    assert len(groups) == len(axis.dictionary) - 1
+    assert max(len(group) for group in groups) > 4
+    for group in groups:
+        middle = group[round((len(group) - 1) / 2 + 0.1)].columns
+        assert_allclose(axis.widest[:, width: width + middle.shape[1]], middle)
+        width += middle.shape[1]
+    assert width == axis.widest.shape[1]
+
+
+@pytest.mark.parametrize(("reach", "tried"), [
+    (700.0, [12.5, 25.0, 50.0, 100.0, 200.0]), (1200.0, [12.5, 25.0, 50.0, 100.0, 200.0, 400.0, 800.0 / 2]),
+    (5000.0, [50.0, 100.0, 200.0, 400.0, 800.0]), (300.0, [6.25, 12.5, 25.0, 50.0, 100.0]), (4.0, [6.25])])
+def test_a_law_is_tried_at_torques_that_the_log_reaches(reach: float, tried: list[float]) -> None:
+    """A grid of 100 and 200 N m for gears of every size: sixteen times more and 64 times less by fours, from a hundredth of the
+    largest torque and what the law begins at (6 N m) up to half of it and where it ends (1000 N m); one at least."""
+    linear, bent = SimpleNamespace(grid=()), SimpleNamespace(grid=(100.0, 200.0), low=6.0, high=1000.0)
+    effect: Any = SimpleNamespace(parameters=[linear, bent])
+    found = np.array(dictionary._grid(effect, reach))
+    assert np.isnan(found[:, 0]).all()
+    assert found[:, 1].tolist() == list(dict.fromkeys(tried))
+
+
+@pytest.mark.parametrize(("name", "reach", "off"), [
+    ("backlash", 1e5, (0.0, 30.0, 100.0)), ("backlash", 1000.0, (0.0, 15.0, 60.0)), ("backlash", 1800.0, (0.0, 27.0, 100.0)),
+    ("soft_zone", 1e5, (0.0, 150.0)), ("hysteresis", 1e5, (0.0,))])
+def test_free_play_is_crossed_early_or_late_and_a_soft_zone_ends_over_a_range(
+        name: str, reach: float, off: tuple[float, ...]) -> None:
+    """By 30 and 100 N m, on small joints 1.5 and 6 % of the largest torque; over 0.6 of the torque (250 N m) it ends at."""
+    effect: Any = SimpleNamespace(name=name)
+    assert dictionary._smears(effect, np.array([np.nan, 250.0]), reach) == pytest.approx(off)
+
+
+def test_leaps_of_a_kind_are_one_cause_with_the_size_of_the_largest() -> None:
+    """As sure as the least sure of them; slips of an encoder and lost samples are two."""
+    slip, lost = KINDS
+    leaps = (Leap(slip, 2, "a.csv", 1e-4, 1e-6, 3.0, 0.005), Leap(lost, 2, "a.csv", -0.012, 1e-4, 5.0, 0.01),
+             Leap(slip, 2, "b.csv", -3e-4, 2e-6, 7.0, 0.002), Leap(slip, 2, "b.csv", 2e-4, 3e-6, 9.0, 0.008))
+    slips, losses = causes.leap_causes(leaps)
+    assert (slips.shape.effect, slips.joint, slips.probability) == (slip, 2, 1 - 0.008)
+    assert slips.values.tolist() == [-3e-4, 7.0]
+    assert_allclose(slips.std, [2e-6, np.nan])
+    assert slips.estimates == ("+100 urad (+- 2) at 3.00 s of a.csv; -300 urad (+- 4) at 7.00 s of b.csv; "
+                               "+200 urad (+- 6) at 9.00 s of b.csv")
+    assert (losses.values.tolist(), losses.probability) == ([-0.012, 5.0], 0.99)
+    assert losses.estimates == "12 ms of the link's channel missing at 5.00 s of a.csv"
+    assert causes.leap_causes(leaps[:1])[0].shape.effect is slip
+    assert causes.leap_causes(()) == ()
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("confirmed", [0, 1, 2])
+def test_a_transmission_error_is_its_strongest_line_and_the_size_of_its_smooth_part(confirmed: int, smooth: bool) -> None:
+    """The mean of the two records' sizes, the phase of the first record; a smooth part that swings to 40 urad has an RMS of
+    that over the angles visited. As sure as the line that was found again the most clearly."""
+    if not confirmed + smooth:
+        return
+    lines = [Line(413.26, 0.04, 0.002, 0.004), Line(60.0, 0.02, 0.002, 0.006)][:confirmed]
+    sizes = {"a.csv": 1e-6 * np.exp(0.5j) * np.array([21.0, 50.0]), "b.csv": 1e-6 * np.exp(-0.2j) * np.array([23.0, 80.0])}
+    records: Any = [SimpleNamespace(source=name, joints={joint: None}) for name, joint in (("a.csv", 2), ("c.csv", 3),
+                                                                                         ("b.csv", 2))]
+    found: Any = SimpleNamespace(confirmed=lines, again_on="d.csv",
+                                 amplitudes=lambda several: sizes[several[0].source][:confirmed])
+    angle = np.linspace(0.0, np.radians(90.0), 5)
+    plain = np.column_stack([np.ones(5), np.arange(5.0), [1.0, -1.0, 1.0, -1.0, 0.0], [0.0, 0.0, 0.0, 0.0, 2.0]])
+    axis: Any = SimpleNamespace(joint=2, smooth=smooth or None, spring=plain[:, :2], plain=plain, angle=angle)
+    hypothesis: Any = SimpleNamespace(solved=SimpleNamespace(coefficients=np.array([7.0, 8.0, 4e-5, 2e-5, 9.0])))
+    cause = causes.transmission_cause(axis, hypothesis, found, records)
+    rms = float(np.std([4e-5, -4e-5, 4e-5, -4e-5, 4e-5])) if smooth else 0.0
+    line = [(22e-6, 413.26, 0.5), (65e-6, 60.0, 0.5)][confirmed - 1] if confirmed else (0.0, np.nan, np.nan)
+    assert_allclose(cause.values, [rms, *line])
+    assert_allclose(cause.std, [np.nan, np.nan, [0.04, 0.02][confirmed - 1] if confirmed else np.nan, np.nan])
+    assert (cause.joint, cause.shape.name) == (2, "transmission_error")
+    assert cause.probability == pytest.approx(1 - 0.004 if confirmed else 0.975)
+    words = ["", "1 line, the strongest 22.0 urad at 413.3 +- 0.1 cycles a turn",
+             "2 lines, the strongest 65.0 urad at 60.0 +- 0.0 cycles a turn"][confirmed]
+    waves = f"a smooth part of {1e6 * rms:.0f} urad RMS over 90 deg"
+    assert cause.estimates == " and ".join([words] * bool(confirmed) + [waves] * smooth) + ", found again in d.csv"
 
 
 def test_products_know_which_columns_double_each_other(axis: Axis) -> None:
@@ -199,6 +287,26 @@ def test_what_is_left_follows_the_angle_where_it_is_a_curve_over_it(axis: Axis) 
     assert by_chance > 0.02
 
 
+@pytest.mark.parametrize(("waves", "followed"), [(6, True), (7, False)])
+def test_what_is_left_follows_curves_of_up_to_the_sixth_degree(axis: Axis, waves: int, followed: bool) -> None:
+    place = 2 * (axis.angle - axis.angle.min()) / np.ptp(axis.angle) - 1
+    share, _ = _share(axis, axis.angle, np.cos(waves * np.arccos(np.clip(place, -1, 1))), np.random.default_rng(0))
+    assert (share > 1 - 1e-6) is followed
+    assert followed or share < 0.9
+
+
+def test_no_twist_of_the_gear_are_zeros_errors_over_the_angle_and_delays_of_the_link() -> None:
+    """Columns of two records' zeros, the torque, two waves over the angle, then hysteresis (one), a transmission error (two)
+    and the link's delay (one): what each of ours makes, added up."""
+    rng = np.random.default_rng(3)
+    beside, coefficients = rng.normal(size=(5, 9)), rng.normal(size=9)
+    axis: Any = SimpleNamespace(lengths=(3, 2), spring=beside[:, :3], plain=beside[:, :5])
+    others: Any = [SimpleNamespace(name=name, columns=np.empty((5, width)))
+                   for name, width in (("hysteresis", 1), ("transmission_error", 2), (LINK_DELAY, 1))]
+    made = sum(coefficients[k] * beside[:, k] for k in (0, 1, 3, 4, 6, 7, 8))
+    assert_allclose(_no_twist(axis, others, beside, coefficients), made)
+
+
 def test_what_is_held_out_and_what_it_is_predicted_by(log: MotionLog) -> None:
     other = replace(log, source="other.csv")
     splits, how = _splits(2, [log, other], None)
@@ -236,6 +344,10 @@ def test_a_gain_is_that_of_a_straight_line_and_the_causes_on_a_record_with_a_zer
     # What is hidden there helps, and would not where it is left out: the record is the same.
     assert helps == (True,) * len(sets[0].entries)
     assert gain.held_out == "validate: other.csv"
+    # Of 9.996 s, in whole blocks of a second or little more; the same where the clock began elsewhere.
+    assert gain.interval == ratio_interval(*gain.residuals.T, 9.996)
+    later = replace(other, time=other.time + 1000.0)
+    assert held_out(2, BAND, sets[0], Transmission(2), [log], later)[0].interval == pytest.approx(gain.interval)
     assert gain.interval[0] < gain.ratio < gain.interval[1]
 
 
