@@ -7,7 +7,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 SCANNED = ("*.py", "*.md", "*.yaml", "*.toml", "*.j2", "*.sh")
-# CHANGELOG.md is history, and names what is no more. docs/architecture.md is being rewritten.
+# CHANGELOG.md is history, and names what is no more.
 LEFT_OUT = {"CHANGELOG.md"}
 # Names of a user's own files, made up in documentation and tests.
 USERS_OWN = {"riser_twist.py", "robots/mine.yaml", "my-cell/cell.yaml", "cell/cell.yaml", "part_intermediate.py"}
@@ -75,3 +75,11 @@ def test_it_is_red_on_what_is_not_there() -> None:
     for text in ("docs/formats.md#conventions", "docs/effects.md, steps 1 and 2", "model/compliance.py", "part.mod", "a.b.py()",
                  "https://example.org/x.md"):
         assert not dangling(here, text), text
+
+
+def test_mutants_that_are_argued_to_be_equivalent_are_of_lines_that_stand_there() -> None:
+    table = (ROOT / "benchmarks" / "equivalent_mutants.tsv").read_text(encoding="utf-8").splitlines()[1:]
+    cells = [line.split("\t") for line in table]
+    assert {len(row) for row in cells} == {4}
+    lines = {file: {line.strip() for line in (ROOT / file).read_text(encoding="utf-8").split("\n")} for file, *_ in cells}
+    assert [row for row in cells if row[1] not in lines[row[0]]] == []
