@@ -113,7 +113,7 @@ def ended_with(monkeypatch: pytest.MonkeyPatch, reason: BaseException) -> tuple[
     monkeypatch.setattr(gc, "set_threshold", lambda count: None)
     monkeypatch.setattr(importlib.import_module("compstiff.cli.main"), "main", main)
     monkeypatch.setattr(os, "_exit", at_once)
-    before = signal.getsignal(signal.SIGINT)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)      # a shell has its background jobs ignore it
     try:
         with pytest.raises((LookupError, SystemExit)) as ended:
             run()
