@@ -510,6 +510,19 @@ def test_a_file_of_no_kind_is_said_where_it_is_named(folder: Path, name: str, co
     assert kit.codes(run) == {"CS0110"}
 
 
+def test_files_of_a_folder_that_no_command_reads_are_counted(folder: Path) -> None:
+    """What is hidden too; of those that are named each is looked at."""
+    cell = folder / "cell.yaml"
+    others = sorted({*folder.iterdir()} - {cell})
+    for name in ("drawing.pdf", "photo.jpg", ".part.mod"):
+        (folder / name).write_text("x")
+    run = kit.run("check", cell, folder)
+    assert run.code == 0, run
+    last = run.out.strip().splitlines()[-1]
+    assert last == f"{1 + len(others)} files, 0 with errors; 3 of kinds that no command reads were passed over"
+    assert "passed over" not in kit.run("check", cell, *others).out
+
+
 def test_a_log_under_lines_of_its_own_logger_is_told_as_a_log(folder: Path) -> None:
     """With the columns to put into cell.yaml, as correct says it."""
     (folder / "logged.csv").write_text("Messung vom 12.03.\nProjekt: Tasche\nZeit [ms];Kraft X [N];Kraft Y [N];Kraft Z [N]\n"
