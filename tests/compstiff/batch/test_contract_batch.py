@@ -71,6 +71,16 @@ def test_one_that_fails_does_not_stop_the_others_and_the_worst_counts(place: Sho
     assert place.correct(a, place.source / "again.mod", *place.put("e"), "-o", out).exit_code == 1
 
 
+@pytest.mark.parametrize("quiet", [True, False])
+def test_what_is_said_of_each_program_is_on_stderr_and_of_quiet_calls_errors_alone(place: Shop, quiet: bool) -> None:
+    a, left = place.put("a"), place.put("left", log=False)
+    (place.source / "a.forces.csv").write_text("target,fx_n\n1,2\n")
+    done = place.correct(*a, *left, "-o", place.folder / "out", *(["-q"] if quiet else []))
+    assert done.exit_code == 1
+    assert "CS0202" in done.stderr
+    assert ("CS6000" in done.stderr) is not quiet
+
+
 def test_a_folder_with_logs_elsewhere_in_two_processes(place: Shop) -> None:
     place.put("a", "b")
     (place.source / "notes.txt").write_text("no program")
