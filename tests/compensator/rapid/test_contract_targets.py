@@ -22,6 +22,15 @@ def test_routine_data_hides_module_data():
     assert millimetres(path(f"MoveL p,{MOVE}", text)) == [[2, 0, 0], [3, 0, 0], [1, 0, 0]]
 
 
+def test_an_array_may_have_many_signs_and_brackets_beside_each_other():
+    """Forty levels may lie within each other; so many may follow each other as there is data."""
+    places = [[-float(k), -2.0 * k, -3.0 * k] for k in range(30)]
+    listed = ",".join(target(*place) for place in places)
+    toolpath = path("".join(f"MoveL p{{{k}}},{MOVE}" for k in (1, 30)), f"CONST robtarget p{{30}}:=[{listed}];")
+    assert millimetres(toolpath) == [places[0], places[29]]
+    assert not toolpath.findings
+
+
 def two_modules(first: str, second: str) -> str:
     from tests.compensator.rapid.small_programs import program
 
