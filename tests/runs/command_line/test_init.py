@@ -80,6 +80,18 @@ def test_what_init_writes_is_checked_sound(cell: Path) -> None:
     assert "the sheet is empty" in early.err
 
 
+def test_what_is_written_is_laid_out_as_by_hand(cell: Path) -> None:
+    """Each file ends with a line of its own, and nothing of what its template decides leaves an empty or indented line."""
+    for name in ("cell.yaml", "Makefile", "chain.ps1"):
+        text = (cell / name).read_text()
+        assert text.endswith("\n")
+        assert not text.startswith("\n")
+        assert "\n\n\n" not in text
+        assert not re.search(r"[ \t]+$", text, re.MULTILINE), name
+    text = (cell / "cell.yaml").read_text()
+    assert "\n\n" not in text[text.index("\nforce_log:"):text.index("\nlimits:")]
+
+
 # Long: the tutorial goes the same way through the Makefile (tests/test_documentation.py), and a corrected program lands in
 # test_demo.py.
 @pytest.mark.long
