@@ -135,7 +135,7 @@ def _robot_file(robot: str) -> Path | None:
 
 def _rendered(name: str, **values: Any) -> bytes:
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), keep_trailing_newline=True, trim_blocks=True,
-                                     lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+                                     undefined=jinja2.StrictUndefined)
     environment.filters["numbers"] = lambda row: ", ".join(f"{value:.12g}" for value in row)
     return environment.get_template(f"{name}.j2").render(**values).encode()
 
