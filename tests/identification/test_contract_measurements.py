@@ -323,6 +323,7 @@ def timed(folder: Path, *times: tuple[float, str]):
     # Of a clock that counts minutes two rows have the same one.
     ([(0, "A"), (60, "A"), (60, "B"), (120, "B"), (120, "C")], [0, 60, 60, 120, 120], []),
     ([(60, "A"), (120, "B"), (120, "C"), (180, "C"), (240, "D")], [60, 120, 120, 180, 240], []),
+    ([(60, "A"), (60, "A"), (60, "A"), (90, "B"), (90, "B")], [60, 60, 60, 90, 90], []),
     # Within a reference that is a mistake, and stays as it is written.
     ([(40, "A"), (20, "A"), (60, "A"), (90, "B"), (120, "B")], [40, 20, 60, 90, 120], ["CS1008"]),
 ])

@@ -11,7 +11,7 @@ from scipy import stats
 
 from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.known_slot import known_slot, slot_of_passes
-from compensator.correction.unloaded_robot import by_unloaded_robot
+from compensator.correction.unloaded_robot import beside_a_rigid_motion, by_unloaded_robot
 from identification.model.cell_file import CuttingFile
 from tests.compensator.correction.test_laws_following import planned
 
@@ -117,3 +117,13 @@ def test_the_unloaded_robot_is_off_as_stated_but_where_a_part_showed_it(
         np.testing.assert_allclose(found, np.tile(3e-8 * np.eye(3), (2, 1, 1)))
     job.targets = np.arange(0)
     assert by_unloaded_robot(job) is None
+
+
+def test_what_a_rigid_motion_leaves_is_that_of_a_share_of_a_long_program() -> None:
+    """Of over two thousand places every second, third, ... tells it, and each has what it has among these alone."""
+    angle = np.linspace(0, 2 * np.pi, 6600)
+    place = np.column_stack([1.2 + 0.2 * np.cos(angle), 0.2 * np.sin(angle), 0.1 * np.sin(3 * angle)])
+    theta = np.column_stack([angle / 9, 0.2 + 0.1 * np.cos(angle), 0.1 * np.sin(angle), 0 * angle, 1 + 0 * angle, 0 * angle])
+    found, alone = (beside_a_rigid_motion(place[::every], theta[::every], 0.3) for every in (1, 3))
+    np.testing.assert_allclose(found[::3], alone, rtol=1e-9, atol=1e-15)
+    assert 0 < np.trace(found, axis1=1, axis2=2).min() <= np.trace(found, axis1=1, axis2=2).max() < 3
