@@ -347,6 +347,13 @@ def test_what_comes_back_spoilt_is_read_once_more(controller, cell, tmp_path, en
     assert f"what is read back of {kit.new_path(file)}{'.part' * (ending == '.part')} is not" in done.message or not code
 
 
+def test_the_controller_that_answers_is_named(controller, cell, tmp_path):
+    told = kit.call(cell, kit.write_module(tmp_path)).document["result"]["controller"]
+    dialect = told.pop("dialect")
+    assert told == {"name": controller.system, "robotware": controller.robotware}
+    assert str(controller.generation) in dialect
+
+
 def test_nobody_there(tmp_path):
     file, cell = kit.write_module(tmp_path), kit.cell_yaml(tmp_path, 9)
     dry = kit.call(cell, file, "--retries", 0)
