@@ -102,7 +102,10 @@ def test_rivals_are_as_far_apart_as_their_predictions(monkeypatch: pytest.Monkey
 def test_what_a_choice_makes_of_the_robot_is_the_largest_difference_of_two(monkeypatch: pytest.MonkeyPatch) -> None:
     """RMS over the loaded rows of what the springs and the robot's own effects do; what sits in the sensor is none of it."""
     moved = 1e-6 * np.random.default_rng(2).normal(0, 30, (3, 8, 3))
-    rows = SimpleNamespace(wrench=np.ones((9, 6)), select=lambda kept: None)
+    kept: list[list[bool]] = []
+    wrench = np.zeros((9, 6))
+    wrench[[0, 2, 3, 7], [0, 2, 5, 1]] = 100.0
+    rows = SimpleNamespace(wrench=wrench, select=lambda rows: kept.append(rows.tolist()))
     data = SimpleNamespace(rows=rows, with_rows=lambda kept: "loaded")
     robot, sensor = (SimpleNamespace(effect=SimpleNamespace(of_robot=own)) for own in (True, False))
     models = [SimpleNamespace(data=data, log_compliance=np.full(6, float(k)), terms=(sensor, robot),
@@ -116,6 +119,7 @@ def test_what_a_choice_makes_of_the_robot_is_the_largest_difference_of_two(monke
     monkeypatch.setattr(between_rivals, "predicted_deflection", predicted)
     found = between_rivals.robot_difference(models)
     assert asked == [("loaded", [k] * 6 + [0.5], [robot]) for k in (0.0, 1.0, 2.0)]
+    assert kept == [[row in (0, 2, 3, 7) for row in range(9)]]
     assert found == pytest.approx(max(np.sqrt(np.mean((a - b) ** 2)) for a, b in combinations(moved, 2)))
     assert between_rivals.robot_difference(models[:1]) == 0.0
 
