@@ -241,7 +241,7 @@ class Health:
             self.gaps += len(missing)
             self.lost += int(np.sum(step[missing] - 1))
             self.first_gap = self.first_gap or int(samples.line[missing[0]])
-        return missing[:len(missing) * bool(self.counter.each)], lost
+        return missing if self.counter.each else missing[:0], lost
 
     def clipped_sides(self) -> list[tuple[int, int]]:
         """Channel and side (0 largest, 1 smallest) of what is clipped."""

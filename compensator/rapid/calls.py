@@ -316,7 +316,7 @@ class _Run:
     def _while(self, loop: Loop, scope: Scope, branch: bool, choices: Choices) -> str:
         counts = self.variables.changes(loop.body, loop.head)
         ends = not counts and self._may_end(loop)
-        before = list[Known]()
+        before: list[Known] = []
         told: tuple[int, State | None] = (0, None)          # how many choices were made, and what is known
         for turn in range(MOST_TURNS):
             known, asked = self._truth(loop.head, scope), self.variables.asked(loop.head, scope)

@@ -91,9 +91,9 @@ class Runs:
             change[stretch.first] += 1
             change[stretch.stop] -= 1
         times = np.cumsum(change)[:-1]
-        # Where the text settles it a WHILE may be driven more often than it shows (calls.py).
-        return np.maximum(times, np.minimum(np.bincount(self.ways[0].order, minlength=self.count), 2)) if len(
-            self.ways) == 1 else times
+        if len(self.ways) == 1:             # where the text settles it a WHILE may go round more often than `driven` shows
+            times = np.maximum(times, np.minimum(np.bincount(self.ways[0].order, minlength=self.count), 2))
+        return times
 
     @property
     def order(self) -> Indices | None:
